@@ -60,14 +60,26 @@ pub fn export(settings: &Export) -> Result<(), Error> {
     }
     let Export { file, keys, data, .. } = settings;
     let place = data.place()?;
-    reserve(file, &mut Taken::new())?;
+    let is_stdout = file.as_os_str() == "-";
+    if is_stdout && io::stdout().is_terminal() {
+        return Err(
+            "an export is compressed, not for a terminal: name a file, or use a pipe".into()
+        );
+    }
+    if !is_stdout {
+        reserve(file, &mut Taken::new())?;
+    }
     let mut progress = progress("exported");
     let progress = &mut |done: usize, of| progress(done as f64, of);
     let done = block_on(store::export(place, file, &search, keys, progress))?;
     for key in &done.left_out {
         writeln!(io::stderr(), "left out {key}: it is damaged, or was evicted during the export")?;
     }
-    print(format!("{}: {}\n", file.display(), results(done.results, done.bytes)).as_bytes())
+    let line = format!("{}: {}\n", file.display(), results(done.results, done.bytes));
+    if is_stdout {
+        return Ok(io::stderr().write_all(line.as_bytes())?);
+    }
+    print(line.as_bytes())
 }
 
 /// Imports the results of a file. The exit code is 2 if some were refused.

@@ -13,8 +13,7 @@ use fretwork_store::Search;
 /// The settings of `export`.
 #[derive(Debug, Args)]
 pub struct Export {
-    /// The file to write; it must not exist.
-    #[arg(value_parser = file_name)]
+    /// The file to write, which must not exist; - for standard output.
     pub file: PathBuf,
     /// A condition, such as shape=cone or wear_depth=..2um.
     #[arg(value_name = "NAME=VALUE", value_parser = condition, conflicts_with = "keys")]
@@ -30,7 +29,7 @@ pub struct Export {
 /// The settings of `import`.
 #[derive(Debug, Args)]
 pub struct Import {
-    /// The file that `export` wrote, or the JSON of one result that `run` wrote.
+    /// The file that `export` wrote, or the JSON of one result that `run` wrote; - for standard input.
     pub file: PathBuf,
     /// Longest processor time to compute one result again. Of a study that takes longer, as many random rows are
     /// computed again as this time allows. A run that takes longer is stored unverified. 0 verifies nothing.

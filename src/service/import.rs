@@ -54,11 +54,10 @@ pub async fn import(
     mut progress: impl FnMut(f64, usize),
 ) -> Result<Imported, Moving> {
     let mut import = Importer::open(place, file).await?;
-    let of = import.unread();
     let (verifier, queue, mut verified) = Verifier::start(limit);
     let (mut busy, mut bytes) = (0, 0);
-    while import.unread() + busy > 0 {
-        if import.unread() > 0 && busy < AHEAD * processors() && bytes < AHEAD_BYTES {
+    while !import.is_over() || busy > 0 {
+        if !import.is_over() && busy < AHEAD * processors() && bytes < AHEAD_BYTES {
             if let Some(entry) = import.next_entry().await? {
                 busy += 1;
                 bytes += entry.body.len();
@@ -75,7 +74,8 @@ pub async fn import(
                 Err(why) => import.refuse(key, why),
             }
         }
-        progress((of - import.unread() - busy) as f64 + verifier.share(), of);
+        let (read, of) = import.read();
+        progress((read - busy) as f64 + verifier.share(), of);
     }
     import.close().await
 }

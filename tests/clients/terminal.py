@@ -90,7 +90,7 @@ def check(directory):
     token = None
     for line in lines:
         line = line.replace(" KEY", f" {key}").replace("7262301e...", key).replace("/var/lib/fretwork", "data")
-        line = line.replace("0a1b2c3d", str(token))
+        line = line.replace("0a1b2c3d", str(token)).replace("ssh other fretwork", "fretwork")
         if "export" in line or "backup" in line:
             (directory / line.split()[2]).unlink(missing_ok=True)
         text, code = typed(line)

@@ -1,24 +1,27 @@
-//! Exports and backups that were made to do harm: endless views, generated columns, triggers, huge values.
+//! Exports and backups that were made to do harm: huge lines and values, endless files, triggers.
 
 use std::fs;
+use std::io::{Read as _, Seek as _, Write as _};
 use std::path::Path;
 use std::process::{Output, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use fretwork_store::{Moving, backup, restore};
-use sqlx::{AssertSqlSafe, Connection as _};
+use sqlx::sqlite::SqliteConnectOptions;
+use sqlx::{AssertSqlSafe, Connection as _, SqliteConnection};
 use tempfile::TempDir;
 
 use crate::database::PATIENCE;
-use crate::moving::{export_all, open_file, replace_body};
+use crate::moving::{Lines, export_all};
 use crate::program::fretwork;
 use crate::server::{Server, ball};
 use crate::store::{accepted, fresh, new_job, open};
 
 /// Executes statements in a file.
 async fn change(file: &Path, statements: &str) {
-    let mut db = open_file(file).await;
+    let options = SqliteConnectOptions::new().filename(file).foreign_keys(false);
+    let mut db = SqliteConnection::connect_with(&options).await.unwrap();
     sqlx::raw_sql(AssertSqlSafe(statements.to_owned())).execute(&mut db).await.unwrap();
     db.close().await.unwrap();
 }
@@ -26,7 +29,9 @@ async fn change(file: &Path, statements: &str) {
 /// Runs a command, which must end. Returns its output and its peak memory in MiB.
 fn measured(words: &[&str]) -> (Output, u64) {
     let mut command = fretwork(words);
-    command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    // A pipe that nobody reads would stop the command.
+    let mut said = tempfile::tempfile().unwrap();
+    command.stdout(Stdio::piped()).stderr(said.try_clone().unwrap());
     let mut child = command.spawn().unwrap();
     let (began, mut peak) = (Instant::now(), 0);
     while child.try_wait().unwrap().is_none() {
@@ -41,122 +46,79 @@ fn measured(words: &[&str]) -> (Output, u64) {
         peak = kib.unwrap_or(0).max(peak);
         sleep(Duration::from_millis(1));
     }
-    (child.wait_with_output().unwrap(), peak / 1024)
+    let mut output = child.wait_with_output().unwrap();
+    said.rewind().unwrap();
+    said.read_to_end(&mut output.stderr).unwrap();
+    (output, peak / 1024)
 }
 
-/// A recursive view without end.
-const ENDLESS: &str = "WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)";
-/// More bytes than a body may have.
-const HUGE: u32 = 150_000_000;
+/// Imports a file that must be refused, in little memory. Returns what the command says.
+fn refused(file: &Path, data: &Path) -> String {
+    let words = ["import", file.to_str().unwrap(), "--data-dir", data.to_str().unwrap()];
+    let (output, peak) = measured(&words);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(!output.status.success() && peak < 256, "{peak} MiB: {said:.500}");
+    said
+}
 
-/// This takes more than 5 s, because the files are large.
+/// This takes more than 5 s, because the lines are long.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_hostile_export_is_refused_in_little_memory() {
     let from = Server::start().await;
-    from.compute(&ball(1.0)).await;
-    let dir = TempDir::new().unwrap();
-    let sound = dir.path().join("results.db");
-    export_all(&from, &sound).await;
-    let view = |name| {
-        format!(
-            "ALTER TABLE {name} RENAME TO held;
-             CREATE VIEW {name} AS {ENDLESS} SELECT held.* FROM n CROSS JOIN held"
-        )
-    };
-    let without_body = |column: &str| {
-        format!(
-            "CREATE TABLE held (key TEXT PRIMARY KEY, {column}); INSERT INTO held (key) SELECT key FROM results;
-             DROP TABLE bodies; ALTER TABLE held RENAME TO bodies"
-        )
-    };
-    let no_export = "is not an export of fretwork";
-    let cases = [
-        (view("results"), no_export),
-        (view("bodies"), no_export),
-        // The schema lists the view as if it were a table.
-        (
-            format!(
-                "{}; PRAGMA writable_schema = ON;
-                 UPDATE sqlite_schema SET type = 'table', rootpage = 2 WHERE name = 'results'",
-                view("results")
-            ),
-            "",
-        ),
-        (without_body("body TEXT AS (hex(zeroblob(400000000)))"), no_export),
-        (without_body("body TEXT AS (hex(zeroblob(400000000))) STORED"), no_export),
-        (without_body("body TEXT, rowid INTEGER"), no_export),
-        (without_body("body TEXT, x AS (hex(zeroblob(400000000)))"), no_export),
-        (
-            "CREATE TRIGGER t AFTER INSERT ON results BEGIN DELETE FROM bodies; END".to_owned(),
-            no_export,
-        ),
-        (
-            format!("UPDATE bodies SET body = zeroblob({HUGE})"),
-            "the JSON of the result has more than",
-        ),
-        (format!("UPDATE bodies SET key = CAST(zeroblob({HUGE}) AS TEXT)"), no_export),
-        (format!("UPDATE results SET key = zeroblob({HUGE})"), no_export),
-        // Without an index, the search for each body would read all rows.
-        (
-            format!(
-                "{}; {ENDLESS} INSERT INTO bodies (key) SELECT i FROM n LIMIT 300000",
-                without_body("body TEXT").replace("PRIMARY KEY", "")
-            ),
-            no_export,
-        ),
-        (
-            format!("UPDATE results SET note = zeroblob({HUGE})"),
-            "the row of this result in the file is too large",
-        ),
-        (
-            format!("ALTER TABLE bodies ADD COLUMN x; UPDATE bodies SET x = zeroblob({HUGE})"),
-            "the JSON of the result has more than",
-        ),
-    ];
-    for (statements, words) in cases {
-        let file = dir.path().join("hostile.db");
-        fs::copy(&sound, &file).unwrap();
-        change(&file, &statements).await;
-        let data = dir.path().join("data");
-        let words_of = ["import", file.to_str().unwrap(), "--data-dir", data.to_str().unwrap()];
-        let (output, peak) = measured(&words_of);
-        let said = String::from_utf8(output.stderr).unwrap();
-        println!("{peak} MiB, {:?}: {said}", output.status.code());
-        assert!(!output.status.success() && said.contains(words), "{statements}: {said}");
-        assert!(peak < 256, "{statements}: {peak} MiB");
-    }
-}
-
-/// This takes more than 5 s, because the bodies have 80 MB.
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_body_of_many_values_is_refused_in_little_memory() {
-    let from = Server::start().await;
     let key = from.compute(&ball(1.0)).await.json()["key"].as_str().unwrap().to_owned();
     let dir = TempDir::new().unwrap();
-    let file = dir.path().join("results.db");
+    let [file, data] = ["results.ndjson.zst", "data"].map(|name| dir.path().join(name));
     export_all(&from, &file).await;
-    let body = from.get(&format!("/v1/results/{key}")).await.text().to_owned();
+    let sound = Lines::open(&file);
+    let body = sound.results[0].1.clone();
     let zeros = format!("{{\"x\":[{}0],", "0,".repeat(40_000_000));
-    let nested = "[".repeat(80_000_000);
     for hostile in [
         body.replacen("\"history\":{", &format!("\"history\":{zeros}"), 1),
         body.replacen("\"profiles\":{", &format!("\"profiles\":{zeros}"), 1),
-        nested,
+        // A closed list of lists, and an open one.
+        format!("{}{}", "[".repeat(40_000_000), "]".repeat(40_000_000)),
+        "[".repeat(80_000_000),
     ] {
         assert!(hostile.len() >= 80_000_000);
-        let mut db = open_file(&file).await;
-        replace_body(&mut db, &key, &hostile).await;
-        db.close().await.unwrap();
-        let data = dir.path().join("data");
-        let words = ["import", file.to_str().unwrap(), "--data-dir", data.to_str().unwrap()];
-        let (output, peak) = measured(&words);
-        let said = String::from_utf8(output.stderr).unwrap();
-        println!("{peak} MiB: {said}");
-        assert!(
-            said.contains(&format!("refused the result {key}")) && peak < 256,
-            "{peak} MiB: {said}"
-        );
+        let mut lines = Lines::open(&file);
+        lines.replace_body(&key, &hostile);
+        let held = dir.path().join("hostile.zst");
+        fs::write(&held, zstd::encode_all(lines.text().as_bytes(), 1).unwrap()).unwrap();
+        assert!(refused(&held, &data).contains("refused the result"), "{}", &hostile[..99]);
     }
+    let head = format!("{}\n", sound.head);
+    // Each of these small files has hundreds of megabytes.
+    let bombs = [
+        (format!("{head}{}", "{".repeat(1 << 20)), 400, "has more than"),
+        (format!("{head}{{\"key\":\"{}", "x".repeat(1 << 20)), 400, "has more than"),
+        ("{ ".to_owned() + &" ".repeat(1 << 20), 400, "it has more than"),
+        (
+            format!("{head}{}", "{\"key\":\"\"}\n".repeat(100_000)),
+            100,
+            "10000 results are refused; the rest",
+        ),
+        (head.clone(), 1_000_000, "has no key of a result"),
+    ];
+    for (text, times, words) in bombs {
+        let tail = &text[text.find('\n').map_or(0, |end| end + 1)..];
+        let tail = if tail.is_empty() { &*text } else { tail };
+        let held = dir.path().join("bomb.zst");
+        let mut encoder = zstd::Encoder::new(fs::File::create(&held).unwrap(), 1).unwrap();
+        encoder.write_all(text.as_bytes()).unwrap();
+        for _ in 0..times {
+            encoder.write_all(tail.as_bytes()).unwrap();
+        }
+        encoder.finish().unwrap();
+        let said = refused(&held, &data);
+        assert!(said.contains(words), "{tail:.99}: {said:.500}");
+    }
+    // A decompressor that must keep 128 MiB.
+    let mut encoder = zstd::Encoder::new(Vec::new(), 1).unwrap();
+    encoder.long_distance_matching(true).unwrap();
+    encoder.window_log(27).unwrap();
+    encoder.write_all(sound.text().as_bytes()).unwrap();
+    fs::write(&file, encoder.finish().unwrap()).unwrap();
+    assert!(refused(&file, &data).contains("memory"));
 }
 
 #[tokio::test]

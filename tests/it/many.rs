@@ -43,7 +43,7 @@ async fn results_are_listed_after_an_import() {
     }
     clients.join_all().await;
     let dir = TempDir::new().unwrap();
-    let file = dir.path().join("results.db");
+    let file = dir.path().join("results.ndjson.zst");
     let all = Search::default();
     let exported = export(from.place(), &file, &all, &[], &mut quiet).await.unwrap();
     let imported = import(to.place(), &file).await.unwrap();

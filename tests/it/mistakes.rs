@@ -55,7 +55,7 @@ const MISTAKES: [(&str, &str, &str); 24] = [
 #[test]
 fn a_message_of_the_command_line_says_what_to_write_instead() {
     for (right, wrong, words) in MISTAKES {
-        let output = run(&["run", "-"], &JOB.replacen(right, wrong, 1));
+        let output = run(&["run", "-"], JOB.replacen(right, wrong, 1));
         let said = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(2), "{said}");
         assert!(said.contains(words), "{wrong}: {said}");

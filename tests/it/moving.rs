@@ -1,11 +1,13 @@
 //! Export and import between servers; backup and restore.
 
-use std::fs;
-use std::path::Path;
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use fretwork::http::Settings;
 use fretwork::service::workers::Workers;
 use fretwork::service::{self, WorkLimits};
 use fretwork_job::{JobState, Key, Task};
@@ -15,8 +17,7 @@ use fretwork_store::{
 };
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
-use sqlx::sqlite::SqliteConnectOptions;
-use sqlx::{Connection as _, Executor as _, Row as _, SqliteConnection};
+use sqlx::Executor as _;
 use tempfile::TempDir;
 
 use crate::program::{fails, run};
@@ -60,20 +61,57 @@ pub async fn export_all(server: &Server, file: &Path) -> u64 {
     export(server.place(), file, &all, &[], &mut quiet).await.unwrap().results
 }
 
-pub async fn open_file(file: &Path) -> SqliteConnection {
-    SqliteConnection::connect_with(&SqliteConnectOptions::new().filename(file).foreign_keys(false))
-        .await
-        .unwrap()
+/// The lines of an export, which a test alters.
+pub struct Lines {
+    file: PathBuf,
+    pub head: String,
+    /// What is known of each result, and its body.
+    pub results: Vec<(Value, String)>,
 }
 
-/// Replaces the body of a result in an export, and its digest.
-pub async fn replace_body(db: &mut SqliteConnection, key: &str, body: &str) {
-    for sql in [
-        "UPDATE bodies SET body = ?2 WHERE key = ?1 AND ?3 = ?3",
-        "UPDATE results SET sha256 = ?3 WHERE key = ?1 AND ?2 = ?2",
-    ] {
-        let update = sqlx::query(sql).bind(key).bind(body).bind(sha256(body));
-        assert_eq!(update.execute(&mut *db).await.unwrap().rows_affected(), 1);
+impl Lines {
+    pub fn open(file: &Path) -> Self {
+        let text = zstd::decode_all(File::open(file).unwrap()).unwrap();
+        Self::of_text(file, std::str::from_utf8(&text).unwrap())
+    }
+
+    /// These lines, which [`save`](Self::save) writes into a file.
+    fn of_text(file: &Path, text: &str) -> Self {
+        let mut lines = text.lines();
+        let head = lines.next().unwrap().to_owned();
+        let results = lines.map(|line| {
+            let (known, body) = line.split_once(",\"result\":").unwrap();
+            let known = serde_json::from_str(&format!("{known}}}")).unwrap();
+            (known, body.strip_suffix('}').unwrap().to_owned())
+        });
+        Self { file: file.to_owned(), head, results: results.collect() }
+    }
+
+    /// What is known of the result with this key, and its body.
+    pub fn of(&mut self, key: &str) -> &mut (Value, String) {
+        self.results.iter_mut().find(|(known, _)| known["key"] == key).unwrap()
+    }
+
+    /// Replaces a body and its SHA-256.
+    pub fn replace_body(&mut self, key: &str, body: &str) {
+        let (known, old) = self.of(key);
+        known["sha256"] = json!(sha256(body));
+        body.clone_into(old);
+    }
+
+    /// The lines.
+    pub fn text(&self) -> String {
+        let line = |(known, body): &(Value, String)| {
+            let known = known.to_string();
+            format!("{},\"result\":{body}}}\n", known.strip_suffix('}').unwrap())
+        };
+        let lines: String = self.results.iter().map(line).collect();
+        format!("{}\n{lines}", self.head)
+    }
+
+    /// Writes the lines into the file.
+    pub fn save(&self) {
+        fs::write(&self.file, zstd::encode_all(self.text().as_bytes(), 1).unwrap()).unwrap();
     }
 }
 
@@ -94,7 +132,7 @@ async fn an_imported_result_equals_the_original_byte_for_byte() {
     let text = json!({"text": "From the other house."}).to_string();
     assert_eq!(from.send("PUT", &at, &[JSON], text).await.status, 204);
     let dir = TempDir::new().unwrap();
-    let file = dir.path().join("results.db");
+    let file = dir.path().join("results.ndjson.zst");
     assert_eq!(export_all(&from, &file).await, 4);
     // The answer that the result is unknown must not be cached.
     let unknown = to.get(&format!("/v1/results/{}", keys[0])).await;
@@ -119,7 +157,7 @@ async fn an_imported_result_equals_the_original_byte_for_byte() {
             assert!(other["imported"].is_null(), "it is not an import");
             continue;
         }
-        assert_eq!(other["imported"]["from"], "results.db");
+        assert_eq!(other["imported"]["from"], "results.ndjson.zst");
         assert_eq!(other["imported"]["verified"], "all");
         for name in ["owner", "at", "wall_seconds", "cpu_seconds"] {
             assert_eq!(one["computed"][name], other["computed"][name], "{name}");
@@ -149,7 +187,7 @@ async fn an_imported_result_has_the_warnings_of_the_submission_that_computed_it(
     let job = from.compute(&yielding_ball()).await.json();
     let at = format!("{}/warnings", job["links"]["result"].as_str().unwrap());
     let dir = TempDir::new().unwrap();
-    let file = dir.path().join("results.db");
+    let file = dir.path().join("results.ndjson.zst");
     export_all(&from, &file).await;
     let to = Server::start().await;
     assert_eq!(import(to.place(), &file).await.unwrap().results, 1);
@@ -157,62 +195,38 @@ async fn an_imported_result_has_the_warnings_of_the_submission_that_computed_it(
     assert_yields(&imported["warnings"]);
     assert_eq!(imported, from.get(&at).await.json());
 
-    // An export of an earlier version has no such column.
-    let mut db = open_file(&file).await;
-    db.execute("ALTER TABLE results DROP COLUMN warnings").await.unwrap();
-    db.close().await.unwrap();
+    // Nothing but the key, the digest and the result is required.
+    let mut lines = Lines::open(&file);
+    let (known, _) = &mut lines.results[0];
+    *known = json!({"key": known["key"], "sha256": known["sha256"]});
+    lines.save();
     let other = Server::start().await;
     assert_eq!(import(other.place(), &file).await.unwrap().results, 1);
     assert_eq!(other.get(&at).await.json(), json!({"warnings": null}));
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn an_export_is_a_database_with_readable_columns_and_units() {
+async fn an_export_is_lines_of_json() {
     let server = Server::start().await;
     let keys = computed(&server, &[1.0, 2.0]).await;
     let dir = TempDir::new().unwrap();
-    let file = dir.path().join("results.db");
+    let file = dir.path().join("results.ndjson.zst");
     let mut search = Search::default();
     search.set("amplitude", "2 um").unwrap();
     let done = export(server.place(), &file, &search, &[], &mut quiet).await.unwrap();
     assert_eq!(done.results, 1);
     let result = server.get(&format!("/v1/results/{}", keys[1])).await;
-    let (body, result) = (result.body.clone(), result.json());
-    let mut db = open_file(&file).await;
-    let row = sqlx::query("SELECT * FROM results JOIN bodies USING (key)")
-        .fetch_one(&mut db)
-        .await
-        .unwrap();
-    assert_eq!(row.get::<String, _>("key"), keys[1]);
-    assert_eq!(row.get::<String, _>("body").into_bytes(), body);
-    assert_eq!(row.get::<f64, _>("friction"), 0.7);
-    assert_eq!(row.get::<String, _>("shape"), "paraboloid");
-    let sum = sha256(&body);
-    assert_eq!(row.get::<String, _>("sha256"), sum);
-    let scenario: Value = serde_json::from_str(row.get("scenario")).unwrap();
-    assert_eq!(scenario, result["scenario"]);
-    // The table `history` has every column of the history, and each has a unit.
-    let rows =
-        sqlx::query("SELECT * FROM history ORDER BY entry").fetch_all(&mut db).await.unwrap();
-    let history = result["history"].as_object().unwrap();
-    assert_eq!(rows.len(), history["cycles"].as_array().unwrap().len());
-    for (name, column) in history {
-        for (row, value) in rows.iter().zip(column.as_array().unwrap()) {
-            assert_eq!(row.get::<f64, _>(name.as_str()), value.as_f64().unwrap(), "{name}");
-        }
-        let unit: String = sqlx::query_scalar("SELECT unit FROM units WHERE name = ?1")
-            .bind(name)
-            .fetch_one(&mut db)
-            .await
-            .unwrap();
-        assert_eq!(result["units"][name], unit);
-    }
-    let columns: Vec<String> = sqlx::query_scalar("SELECT name FROM pragma_table_info('history')")
-        .fetch_all(&mut db)
-        .await
-        .unwrap();
-    // Those of the key, the row, and the threshold at an actuator.
-    assert_eq!(columns.len(), history.len() + 3);
+    let lines = Lines::open(&file);
+    let head: Value = serde_json::from_str(&lines.head).unwrap();
+    assert_eq!((&head["fretwork_export"], &head["results"]), (&json!(2), &json!(1)));
+    assert_eq!(head["numerics"], result.json()["engine"]["numerics"]);
+    let [(known, body)] = &lines.results[..] else { panic!("one result") };
+    assert_eq!(body.as_bytes(), result.body);
+    assert_eq!(done.bytes, body.len() as u64);
+    assert_eq!((&known["key"], &known["sha256"]), (&json!(keys[1]), &json!(sha256(body))));
+    let told = server.get(&format!("/v1/results/{}/provenance", keys[1])).await.json();
+    assert_eq!(known["owner"], told["computed"]["owner"]);
+    assert_eq!(known["program"]["host"], told["program"]["host"]);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -220,48 +234,23 @@ async fn altered_results_are_refused_and_the_others_are_imported() {
     let server = Server::start().await;
     let keys = computed(&server, &[1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.2]).await;
     let dir = TempDir::new().unwrap();
-    let file = dir.path().join("results.db");
+    let file = dir.path().join("results.ndjson.zst");
     export_all(&server, &file).await;
-    let mut db = open_file(&file).await;
+    let mut lines = Lines::open(&file);
     // A changed digit in the body.
-    let digit = "UPDATE bodies SET body = replace(body, '\"wear_volume\":[0.0', '\"wear_volume\":[0.1') WHERE key = ?1";
-    sqlx::query(digit).bind(&keys[0]).execute(&mut db).await.unwrap();
+    let (_, body) = lines.of(&keys[0]);
+    *body = body.replacen("\"wear_volume\":[0.0", "\"wear_volume\":[0.1", 1);
     // A changed parameter in the body, with a digest that matches.
-    let body: String = sqlx::query_scalar("SELECT body FROM bodies WHERE key = ?1")
-        .bind(&keys[1])
-        .fetch_one(&mut db)
-        .await
-        .unwrap();
-    let body = body.replacen("\"friction\":0.7", "\"friction\":0.6", 1);
-    replace_body(&mut db, &keys[1], &body).await;
+    let body = lines.of(&keys[1]).1.replacen("\"friction\":0.7", "\"friction\":0.6", 1);
+    lines.replace_body(&keys[1], &body);
     // The body of another result.
-    sqlx::query("UPDATE bodies SET body = (SELECT body FROM bodies WHERE key = ?2) WHERE key = ?1")
-        .bind(&keys[2])
-        .bind(&keys[3])
-        .execute(&mut db)
-        .await
-        .unwrap();
-    sqlx::query(
-        "UPDATE results SET sha256 = (SELECT sha256 FROM results WHERE key = ?2) WHERE key = ?1",
-    )
-    .bind(&keys[2])
-    .bind(&keys[3])
-    .execute(&mut db)
-    .await
-    .unwrap();
+    let body = lines.of(&keys[3]).1.clone();
+    lines.replace_body(&keys[2], &body);
     // A result without a body, one with an invalid digest, and one with an invalid key.
-    sqlx::query("DELETE FROM bodies WHERE key = ?1").bind(&keys[4]).execute(&mut db).await.unwrap();
-    sqlx::query("UPDATE results SET sha256 = 'none' WHERE key = ?1")
-        .bind(&keys[5])
-        .execute(&mut db)
-        .await
-        .unwrap();
-    sqlx::query("UPDATE results SET key = 'x' WHERE key = ?1")
-        .bind(&keys[6])
-        .execute(&mut db)
-        .await
-        .unwrap();
-    db.close().await.unwrap();
+    lines.of(&keys[4]).1 = "null".to_owned();
+    lines.of(&keys[5]).0["sha256"] = json!("none");
+    lines.of(&keys[6]).0["key"] = json!("x");
+    lines.save();
     let other = Server::start().await;
     let done = import(other.place(), &file).await.unwrap();
     assert_eq!(done.results, 1, "{done:?}");
@@ -269,8 +258,8 @@ async fn altered_results_are_refused_and_the_others_are_imported() {
         (keys[0].as_str(), "SHA-256"),
         (&keys[1], "key of the result does not belong"),
         (&keys[2], "key of the result does not belong"),
-        (&keys[4], "does not contain the JSON"),
-        (&keys[5], "SHA-256 of the result is missing"),
+        (&keys[4], "does not match its SHA-256"),
+        (&keys[5], "must have 64 lower-case hexadecimal digits"),
         ("x", "must have 64 lower-case hexadecimal digits"),
     ] {
         assert_refused(&done, key, words);
@@ -286,17 +275,13 @@ async fn importing_a_different_result_under_a_known_key_is_refused() {
     let (from, to) = (Server::start().await, Server::start().await);
     let key = computed(&from, &[1.0]).await.remove(0);
     let dir = TempDir::new().unwrap();
-    let file = dir.path().join("results.db");
+    let file = dir.path().join("results.ndjson.zst");
     export_all(&from, &file).await;
     // A valid result, as a machine that computes other digits would export it.
-    let mut db = open_file(&file).await;
-    let body: String =
-        sqlx::query_scalar("SELECT body FROM bodies").fetch_one(&mut db).await.unwrap();
-    let body = body.replacen("\"wear_volume\":[0.0", "\"wear_volume\":[1e-30", 1);
-    let sum = sha256(&body);
-    sqlx::query("UPDATE bodies SET body = ?1").bind(body).execute(&mut db).await.unwrap();
-    sqlx::query("UPDATE results SET sha256 = ?1").bind(sum).execute(&mut db).await.unwrap();
-    db.close().await.unwrap();
+    let mut lines = Lines::open(&file);
+    let body = lines.of(&key).1.replacen("\"wear_volume\":[0.0", "\"wear_volume\":[1e-30", 1);
+    lines.replace_body(&key, &body);
+    lines.save();
     computed(&to, &[1.0]).await;
     let before = to.get(&format!("/v1/results/{key}")).await.body;
     let done = import(to.place(), &file).await.unwrap();
@@ -321,42 +306,46 @@ async fn importing_a_different_result_under_a_known_key_is_refused() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn an_invalid_row_is_refused_with_a_reason() {
+async fn an_invalid_line_is_refused_with_a_reason() {
     let (from, to) = (Server::start().await, Server::start().await);
-    let keys = computed(&from, &[0.6, 0.7, 0.8, 1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.2, 2.4]).await;
+    let amplitudes: Vec<f64> = (0..14).map(|place| 1.0 + 0.1 * f64::from(place)).collect();
+    let keys = computed(&from, &amplitudes).await;
     let dir = TempDir::new().unwrap();
-    let file = dir.path().join("results.db");
+    let file = dir.path().join("results.ndjson.zst");
     export_all(&from, &file).await;
-    let mut db = open_file(&file).await;
+    let mut lines = Lines::open(&file);
+    let note = |text: String| json!({"text": text, "owner": "ann", "at": "2026-01-31T12:00:00Z"});
     let cases = [
-        (format!("note = '{}', note_owner = 'ann'", "x".repeat(4001)), "not 4001"),
-        ("computed = 'soon'".to_owned(), "\"soon\" is not an RFC 3339 time"),
-        ("cpu_seconds = -1".to_owned(), "-1 is not a time in seconds"),
-        ("wall_seconds = 'long'".to_owned(), "column wall_seconds"),
-        ("version = x'ff'".to_owned(), "column version"),
-        ("processors = -1".to_owned(), "column processors"),
-        ("sha256 = CAST(sha256 AS BLOB)".to_owned(), "column sha256"),
-        ("warnings = '[\"yield\"]'".to_owned(), "warnings are too long, or not a list"),
-        (format!("warnings = '[{}]'", " ".repeat(4000)), "warnings are too long, or not a list"),
-        ("warnings = x'ff'".to_owned(), "column warnings"),
+        ("note", note("x".repeat(4001)), "not 4001"),
+        ("note", json!({"text": "x", "owner": "ann"}), "missing field `at`"),
+        ("note", json!({"text": "x", "owner": "ann", "at": "soon"}), "not an RFC 3339 time"),
+        ("computed", json!("soon"), "\"soon\" is not an RFC 3339 time"),
+        ("cpu_seconds", json!(-1), "-1 is not a time in seconds"),
+        ("wall_seconds", json!("long"), "expected f64"),
+        ("program", json!({"version": 4}), "expected a string"),
+        ("program", json!({"version": "0.4", "processors": -1}), "expected u32"),
+        ("program", json!({"version": "0.4", "host": "\u{1b}[2J"}), "`host` has more than 200"),
+        ("owner", json!("x".repeat(201)), "`owner` has more than 200 characters"),
+        ("sha256", Value::Null, "expected a string"),
+        ("warnings", json!(["yield"]), "expected struct Told"),
+        (
+            "warnings",
+            json!([{"kind": "yield", "detail": "x".repeat(4000)}]),
+            "`warnings` has more than 4000 bytes",
+        ),
     ];
-    for (key, (change, _)) in keys.iter().zip(&cases) {
-        let sql = format!("UPDATE results SET {change} WHERE key = '{key}'");
-        sqlx::raw_sql(sqlx::AssertSqlSafe(sql)).execute(&mut db).await.unwrap();
+    for (key, (member, value, _)) in keys.iter().zip(&cases) {
+        lines.of(key).0[*member] = value.clone();
     }
     // A history whose columns differ in length.
-    let body: String = sqlx::query_scalar("SELECT body FROM bodies WHERE key = ?1")
-        .bind(&keys[10])
-        .fetch_one(&mut db)
-        .await
-        .unwrap();
-    let mut body: Value = serde_json::from_str(&body).unwrap();
+    let last = &keys[cases.len()];
+    let mut body: Value = serde_json::from_str(&lines.of(last).1).unwrap();
     body["history"]["wear_depth"].as_array_mut().unwrap().pop();
-    replace_body(&mut db, &keys[10], &body.to_string()).await;
-    db.close().await.unwrap();
+    lines.replace_body(last, &body.to_string());
+    lines.save();
     let done = import(to.place(), &file).await.unwrap();
-    assert_eq!((done.results, done.refused.len()), (0, 11), "{done:?}");
-    let words = cases.iter().map(|(_, words)| *words).chain(["lists of numbers of equal length"]);
+    assert_eq!((done.results, done.refused.len()), (0, 14), "{done:?}");
+    let words = cases.iter().map(|(.., words)| *words).chain(["lists of numbers of equal length"]);
     for (key, words) in keys.iter().zip(words) {
         assert_refused(&done, key, words);
         to.get(&format!("/v1/results/{key}")).await.problem(404, "unknown-result");
@@ -364,108 +353,118 @@ async fn an_invalid_row_is_refused_with_a_reason() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn an_invalid_key_or_an_oversized_value_is_refused_and_the_rest_is_imported() {
-    let (from, to) = (Server::start().await, Server::start().await);
+async fn a_line_that_is_no_line_of_an_export_is_refused_or_ends_the_import() {
+    let from = Server::start().await;
     let keys = computed(&from, &[1.0, 1.2, 1.4, 1.6]).await;
     let dir = TempDir::new().unwrap();
-    let file = dir.path().join("results.db");
+    let file = dir.path().join("results.ndjson.zst");
     export_all(&from, &file).await;
-    let mut db = open_file(&file).await;
-    let columns = "numerics, scenario, summary, size, created, pinned, sha256, owner, computed, wall_seconds, cpu_seconds, version, host, architecture,
-        processors, note, note_owner, note_at";
-    for key in ["NULL", "x'00ff'", "'abc'"] {
-        let sql = format!(
-            "INSERT INTO results (key, {columns}) SELECT {key}, {columns} FROM results LIMIT 1"
-        );
-        sqlx::raw_sql(sqlx::AssertSqlSafe(sql)).execute(&mut db).await.unwrap();
-    }
-    let owners = [(&keys[0], "x".repeat(201)), (&keys[1], "\u{1b}[2J".to_owned())];
-    for (key, owner) in owners {
-        let update = sqlx::query("UPDATE results SET owner = ?2 WHERE key = ?1");
-        update.bind(key).bind(owner).execute(&mut db).await.unwrap();
-    }
-    let body: String = sqlx::query_scalar("SELECT body FROM bodies WHERE key = ?1")
-        .bind(&keys[2])
-        .fetch_one(&mut db)
-        .await
-        .unwrap();
-    replace_body(&mut db, &keys[2], &(body + &" ".repeat(128_000_001))).await;
-    db.close().await.unwrap();
-    let done = import(to.place(), &file).await.unwrap();
-    assert_eq!((done.results, done.refused.len()), (1, 6), "{:?}", done.refused);
-    assert_refused(&done, "abc", "the key of a result must have");
-    assert_refused(&done, &keys[0], "a value of the column owner has more than 200 characters");
-    assert_refused(&done, &keys[1], "a value of the column owner has more than 200 characters");
-    assert_refused(&done, &keys[2], "the JSON of the result has more than 96000000 bytes");
-}
-
-#[tokio::test]
-async fn an_import_file_with_a_view_is_refused() {
-    let from = Server::start().await;
-    computed(&from, &[1.0]).await;
-    let dir = TempDir::new().unwrap();
-    let file = dir.path().join("results.db");
-    export_all(&from, &file).await;
-    let mut db = open_file(&file).await;
-    for sql in [
-        "ALTER TABLE results RENAME TO held",
-        "CREATE VIEW results AS
-         WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT held.* FROM held, n",
+    let sound = Lines::open(&file);
+    let text = sound.text();
+    // Lines need not be compressed, so that other programs can choose among them.
+    for (insert, results, name, words) in [
+        ("{\"key\":\"abc\"}", 4, "abc", "the line is not one of an export: missing field"),
+        ("some text", 2, "in line 4", "has no key of a result; the rest of the file is not read"),
+        (&"[".repeat(101), 2, "in line 4", "it is nested too deeply"),
     ] {
-        sqlx::raw_sql(sql).execute(&mut db).await.unwrap();
+        let mut broken: Vec<&str> = text.lines().collect();
+        broken.insert(3, insert);
+        fs::write(&file, broken.join("\n")).unwrap();
+        let done = import(TempDir::new().unwrap().path(), &file).await.unwrap();
+        assert_eq!((done.results, done.refused.len()), (results, 1), "{:?}", done.refused);
+        assert_refused(&done, name, words);
     }
-    db.close().await.unwrap();
-    let to = TempDir::new().unwrap();
-    let refused = import(to.path(), &file).await;
-    assert!(matches!(refused, Err(Moving::NoExport(_))), "{refused:?}");
+    // A body that is too large is refused; a line that is even longer ends the import.
+    for (spaces, refused, name) in [(96_000_001, 1, &*keys[1]), (97_000_000, 1, "in line 3")] {
+        let mut lines = Lines::of_text(&file, &sound.text());
+        let position = lines.results.iter().position(|(known, _)| known["key"] == keys[1]).unwrap();
+        lines.results.swap(1, position);
+        let body = format!("{{\"x\":[{}]}}", " ".repeat(spaces));
+        lines.replace_body(&keys[1], &body);
+        lines.save();
+        let to = Server::start().await;
+        let done = import(to.place(), &file).await.unwrap();
+        assert_eq!(done.refused.len(), refused, "{:?}", done.refused);
+        let (words, results) = match name {
+            "in line 3" => ("it has more than", 1),
+            _ => ("the JSON of the result has more than 96000000 bytes", 3),
+        };
+        assert_refused(&done, name, words);
+        assert_eq!(done.results, results);
+    }
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn an_import_file_must_have_all_columns() {
-    let (from, to) = (Server::start().await, Server::start().await);
-    computed(&from, &[1.0]).await;
+async fn a_truncated_or_damaged_file_gives_the_results_before_the_damage() {
+    let from = Server::start().await;
+    computed(&from, &[1.0, 1.2, 1.4, 1.6]).await;
     let dir = TempDir::new().unwrap();
-    for column in
-        ["results DROP COLUMN note", "results DROP COLUMN sha256", "bodies DROP COLUMN body"]
-    {
-        let file = dir.path().join("results.db");
-        export_all(&from, &file).await;
-        let sql = format!("ALTER TABLE {column}");
-        let mut db = open_file(&file).await;
-        sqlx::raw_sql(sqlx::AssertSqlSafe(sql)).execute(&mut db).await.unwrap();
-        db.close().await.unwrap();
-        let refused = import(to.place(), &file).await;
-        assert!(matches!(refused, Err(Moving::NoExport(_))), "{refused:?}");
-        fs::remove_file(&file).unwrap();
-    }
-}
-
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_damaged_page_of_an_import_file_affects_only_its_result() {
-    let (from, to) = (Server::start().await, Server::start().await);
-    computed(&from, &[1.0, 1.2, 1.4]).await;
-    let dir = TempDir::new().unwrap();
-    let file = dir.path().join("results.db");
+    let file = dir.path().join("results.ndjson.zst");
     export_all(&from, &file).await;
-    let mut db = open_file(&file).await;
-    let place: i64 = sqlx::query_scalar(
-        "SELECT pgoffset FROM dbstat WHERE name = 'bodies' AND pagetype = 'overflow'
-         AND path LIKE '%+000001' ORDER BY path LIMIT 1",
-    )
-    .fetch_one(&mut db)
-    .await
-    .unwrap();
-    db.close().await.unwrap();
-    // Overwrite the link to the next page of the body.
-    let mut bytes = fs::read(&file).unwrap();
-    bytes[usize::try_from(place).unwrap()..][..4].fill(0xff);
-    fs::write(&file, bytes).unwrap();
-    let done = import(to.place(), &file).await.unwrap();
-    let refused: Vec<&str> = done.refused.iter().map(|(_, why)| why.as_str()).collect();
-    assert_eq!(
-        (done.results, refused),
-        (2, vec!["the file is damaged at this result; export it again"])
+    let sound = fs::read(&file).unwrap();
+    let text = Lines::open(&file).text();
+    // Blocks of a frame have at most 128 KiB, so the results must be larger than that.
+    assert!(text.len() > 300_000, "{}", text.len());
+    let mut flipped = sound.clone();
+    *flipped.last_mut().unwrap() ^= 1;
+    for (bytes, results) in
+        [(&sound[..sound.len() / 2], 1..4), (&sound[..sound.len() - 1], 1..5), (&flipped[..], 1..5)]
+    {
+        fs::write(&file, bytes).unwrap();
+        let to = TempDir::new().unwrap();
+        let done = import(to.path(), &file).await.unwrap();
+        assert!(results.contains(&done.results), "{done:?}");
+        let [(_, why)] = &done.refused[..] else { panic!("{done:?}") };
+        assert!(why.ends_with("; the rest of the file is not read"), "{why}");
+    }
+    for length in [0, 3, 40] {
+        fs::write(&file, &sound[..length]).unwrap();
+        let refused = import(TempDir::new().unwrap().path(), &file).await;
+        assert!(
+            matches!(refused, Err(Moving::NoExport(_) | Moving::Damaged { .. })),
+            "{refused:?}"
+        );
+    }
+}
+
+/// The converter of the Python package, and `python3`, which has no packages.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_export_of_version_0_4_becomes_lines() {
+    let dir = TempDir::new().unwrap();
+    let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let (file, there) = (path("results.db"), TempDir::new().unwrap());
+    let data = there.path().to_str().unwrap().to_owned();
+    let old = zstd::decode_all(&include_bytes!("../data/export-0.4.0.db.zst")[..]).unwrap();
+    fs::write(&file, old).unwrap();
+    fails(&run(&["import", &file, "--data-dir", &data], ""), "-m fretwork_client.old_export FILE");
+    let converter = "clients/python/src/fretwork_client/old_export.py";
+    let lines = Command::new("python3").args([converter, &file]).output().unwrap();
+    assert!(lines.status.success(), "{lines:?}");
+    let lines = String::from_utf8(lines.stdout).unwrap();
+    let words = ["import", "-", "--data-dir", &data];
+    let output = run(&words, &lines);
+    let said = String::from_utf8(output.stdout.clone()).unwrap();
+    assert!(
+        said.starts_with("-: 3 results (") && said.ends_with("notes: 1 imported, 0 kept\n"),
+        "{output:?}"
     );
+    let (settings, options) = (Settings::default(), Options::default());
+    let server = Server::opening(there, Arc::new(Task::start), None, &settings, &options).await;
+    for line in lines.lines().skip(1) {
+        let (known, body) = line.split_once(", \"result\": ").unwrap();
+        let known: Value = serde_json::from_str(&format!("{known}}}")).unwrap();
+        let at = format!("/v1/results/{}", known["key"].as_str().unwrap());
+        assert_eq!(server.get(&at).await.text(), body.strip_suffix('}').unwrap());
+        let told = server.get(&format!("{at}/provenance")).await.json();
+        assert_eq!(told["imported"]["from"], "standard input");
+        assert_eq!(told["program"]["host"], known["program"]["host"]);
+        assert_eq!(told["note"]["text"], known["note"]["text"]);
+    }
+    for (other, words) in [("Cargo.toml", "is no database"), ("nothing.db", "there is no file")] {
+        let output = Command::new("python3").args([converter, other]).output().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(!output.status.success() && said.contains(words), "{said}");
+    }
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -496,7 +495,7 @@ async fn an_import_never_replaces_an_existing_note() {
     let pin = format!("/v1/results/{}/pin", keys[0]);
     assert_eq!(from.send("PUT", &pin, &[], "").await.status, 204);
     let dir = TempDir::new().unwrap();
-    let file = dir.path().join("results.db");
+    let file = dir.path().join("results.ndjson.zst");
     assert_eq!(export_all(&from, &file).await, 4);
     let before = [noted(1).await, noted(2).await, noted(3).await];
 
@@ -534,43 +533,41 @@ async fn export_import_backup_and_restore_report_results_and_errors() {
     let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
     let data = server.dir.path().to_str().unwrap();
     let said = |output: &std::process::Output| String::from_utf8(output.stdout.clone()).unwrap();
-    let output = run(&["export", &path("one.db"), "--key", &key, "--data-dir", data], "");
+    let output = run(&["export", &path("one.zst"), "--key", &key, "--data-dir", data], "");
     assert!(output.status.success() && said(&output).contains(": 1 result ("), "{output:?}");
     let output = run(
-        &["export", &path("none.db"), "shape=cone", "friction=0.6..0.8", "--data-dir", data],
+        &["export", &path("none.zst"), "shape=cone", "friction=0.6..0.8", "--data-dir", data],
         "",
     );
     assert!(output.status.success() && said(&output).contains(": 0 results"), "{output:?}");
-    fails(&run(&["export", &path("one.db"), "--data-dir", data], ""), "exists already");
+    fails(&run(&["export", &path("one.zst"), "--data-dir", data], ""), "exists already");
     let zeros = "0".repeat(64);
     fails(
-        &run(&["export", &path("x.db"), "--key", &zeros, "--data-dir", data], ""),
+        &run(&["export", &path("x.zst"), "--key", &zeros, "--data-dir", data], ""),
         "there is no result with the key",
     );
-    fails(&run(&["export", &path("x.db"), "--data-dir", &path("nowhere")], ""), "there is no");
-    let refused = run(&["export", &path("x.db"), "shape=cube", "--data-dir", data], "");
+    fails(&run(&["export", &path("x.zst"), "--data-dir", &path("nowhere")], ""), "there is no");
+    let refused = run(&["export", &path("x.zst"), "shape=cube", "--data-dir", data], "");
     assert!(
         String::from_utf8_lossy(&refused.stderr).contains("must be one of paraboloid"),
         "{refused:?}"
     );
     // An import creates a database if there is none.
     let new = path("new");
-    let output = run(&["import", &path("one.db"), "--data-dir", &new], "");
+    let output = run(&["import", &path("one.zst"), "--data-dir", &new], "");
     assert!(output.status.success() && said(&output).contains("1 result ("), "{output:?}");
     let output = run(&["check", "--data-dir", &new], "");
     assert!(said(&output).ends_with(": 1 result, 0 jobs; no damage\n"), "{output:?}");
-    let output = run(&["import", &path("one.db"), "--data-dir", &new], "");
+    let output = run(&["import", &path("one.zst"), "--data-dir", &new], "");
     assert!(
         said(&output).contains("0 results (0 B) imported, 1 known already, 0 refused"),
         "{output:?}"
     );
-    open_file(Path::new(&path("one.db")))
-        .await
-        .execute("UPDATE results SET sha256 = 'x'")
-        .await
-        .unwrap();
+    let mut lines = Lines::open(Path::new(&path("one.zst")));
+    lines.results[0].0["sha256"] = json!("x");
+    lines.save();
     assert_eq!(
-        run(&["import", &path("one.db"), "--data-dir", &path("third")], "").status.code(),
+        run(&["import", &path("one.zst"), "--data-dir", &path("third")], "").status.code(),
         Some(2)
     );
     let mut administration = Administration::open(server.place()).await.unwrap();
@@ -586,8 +583,8 @@ async fn export_import_backup_and_restore_report_results_and_errors() {
     fails(&run(&["backup", &path("backup.db"), "--data-dir", data], ""), "exists already");
     fails(&run(&["import", &path("backup.db"), "--data-dir", &new], ""), "restore");
     fails(
-        &run(&["restore", &path("none.db"), "--data-dir", &path("fourth")], ""),
-        "another program",
+        &run(&["restore", &path("none.zst"), "--data-dir", &path("fourth")], ""),
+        "not a database",
     );
     fails(&run(&["restore", &path("backup.db"), "--data-dir", &new], ""), "exists already");
     fails(
@@ -607,13 +604,24 @@ async fn export_import_backup_and_restore_report_results_and_errors() {
     assert_eq!(store.jobs(&Filter::default(), None, 9).await.unwrap().jobs.len(), 2);
 }
 
-#[test]
-fn a_database_is_not_written_to_standard_output() {
-    for command in ["export", "backup"] {
-        let refused = run(&[command, "-"], "");
-        let why = String::from_utf8_lossy(&refused.stderr);
-        assert!(why.contains("enter the name of a file"), "{refused:?}");
-    }
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_export_goes_through_a_pipe() {
+    let server = Server::start().await;
+    computed(&server, &[1.0, 1.2]).await;
+    let dir = TempDir::new().unwrap();
+    let [from, to] = [server.dir.path(), dir.path()].map(|dir| dir.to_str().unwrap().to_owned());
+    let exported = run(&["export", "-", "--data-dir", &from], "");
+    let said = String::from_utf8(exported.stderr).unwrap();
+    assert!(exported.status.success() && said.contains("-: 2 results ("), "{said}");
+    let output = run(&["import", "-", "--data-dir", &to], exported.stdout);
+    let said = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.success() && said.contains("-: 2 results ("), "{said}");
+    let refused = run(&["import", "-", "--data-dir", &to], "some text");
+    fails(&refused, "standard input is not an export");
+    // A backup is a database, which is no stream.
+    let refused = run(&["backup", "-"], "");
+    let why = String::from_utf8_lossy(&refused.stderr);
+    assert!(why.contains("enter the name of a file"), "{refused:?}");
 }
 
 #[test]

@@ -18,12 +18,12 @@ pub fn fretwork(words: &[&str]) -> Command {
     command
 }
 
-pub fn run(words: &[&str], input: &str) -> Output {
+pub fn run(words: &[&str], input: impl AsRef<[u8]>) -> Output {
     let mut command = fretwork(words);
     command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().unwrap();
     // A command that does not read its input closes the pipe.
-    let _ = child.stdin.take().unwrap().write_all(input.as_bytes());
+    let _ = child.stdin.take().unwrap().write_all(input.as_ref());
     child.wait_with_output().unwrap()
 }
 

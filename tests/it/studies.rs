@@ -18,9 +18,10 @@ use tempfile::TempDir;
 use crate::access::{self, ask, get, made};
 use crate::keeping::eventually;
 use crate::kill::Program;
-use crate::moving::{assert_refused, export_all, import, open_file, replace_body};
+use crate::moving::{assert_refused, export_all, import};
 use crate::server::{JSON, Reply, Server, send, steel_ball};
 use crate::store::{crash, raw};
+use crate::trust::replace;
 
 /// A sweep of the steel ball by the simplified rule: friction × amplitude, 2 × 3 points.
 pub fn sweep() -> Value {
@@ -363,13 +364,13 @@ async fn a_repeated_submission_of_a_study_is_one_job() {
 async fn an_exported_study_is_imported_and_a_changed_one_is_not() {
     let (from, to) = (Server::start().await, Server::start().await);
     let (key, _) = computed(&from, &sweep()).await;
-    let file = from.dir.path().join("studies.db");
+    let file = from.dir.path().join("studies.zst");
     export_all(&from, &file).await;
-    let changed = from.dir.path().join("changed.db");
+    let changed = from.dir.path().join("changed.zst");
     fs::copy(&file, &changed).unwrap();
     let body = String::from_utf8(from.get(&format!("/v1/results/{key}")).await.body).unwrap();
     let volume = body.split("\"wear_volume\":[").nth(1).unwrap().split(',').next().unwrap();
-    replace_body(&mut open_file(&changed).await, &key, &body.replacen(volume, "1e-15", 1)).await;
+    replace(&changed, &key, &body.replacen(volume, "1e-15", 1));
     let done = import(to.place(), &changed).await.unwrap();
     assert_refused(&done, &key, "wear_volume[0]: the file has 1e-15, this server computes ");
     let done = import(to.place(), &file).await.unwrap();

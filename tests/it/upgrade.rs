@@ -201,7 +201,7 @@ async fn are_moved(version: &Earlier) {
     let server = version.upgraded().await;
     let queued = finished(&server, "queued").await;
     let there = TempDir::new().unwrap();
-    let file = there.path().join("all.db");
+    let file = there.path().join("all.zst");
     let exported = export(server.place(), &file, &Search::default(), &[], &mut |_, _| {}).await;
     let exported = exported.unwrap();
     assert!(exported.results >= 3 && exported.left_out.is_empty(), "{exported:?}");

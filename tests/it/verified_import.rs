@@ -8,11 +8,10 @@ use fretwork_job::{Canonical, TaskKind};
 use fretwork_random::Stream;
 use fretwork_store::{Imported, Search, export};
 use serde_json::{Value, json};
-use sqlx::{AssertSqlSafe, Connection as _};
 use tempfile::TempDir;
 use tokio::time::sleep;
 
-use crate::moving::{assert_refused, import, import_within, open_file, quiet, replace_body};
+use crate::moving::{Lines, assert_refused, import, import_within, quiet};
 use crate::program::{fretwork, run};
 use crate::server::{Server, steel_ball};
 use crate::store::raw;
@@ -48,21 +47,21 @@ async fn a_result_of_any_kind_with_one_altered_digit_is_refused() {
     let to = Server::start().await;
     let random = Stream::new(1);
     for round in 0..20 {
-        let mut db = open_file(&file).await;
+        let mut lines = Lines::open(&file);
         for (kind, (key, body)) in results.iter().enumerate() {
             let random = random.child(round).child(kind as u64);
             let body = altered(std::str::from_utf8(body).unwrap(), random.at(0), random.at(1));
-            replace_body(&mut db, key, &body).await;
+            lines.replace_body(key, &body);
         }
-        db.close().await.unwrap();
+        lines.save();
         let done = import(to.place(), &file).await.unwrap();
         assert_eq!((done.results, done.refused.len()), (0, results.len()), "{done:?}");
     }
-    let mut db = open_file(&file).await;
+    let mut lines = Lines::open(&file);
     for (key, body) in &results {
-        replace_body(&mut db, key, std::str::from_utf8(body).unwrap()).await;
+        lines.replace_body(key, std::str::from_utf8(body).unwrap());
     }
-    db.close().await.unwrap();
+    lines.save();
     let done = import(to.place(), &file).await.unwrap();
     assert_eq!((done.results, done.sampled, done.unverified), (6, 0, 0), "{done:?}");
     for (key, body) in &results {
@@ -84,13 +83,13 @@ async fn a_refusal_names_the_place_and_both_values() {
         ("samples", "wear_volume", "wear_volume[1]: the file has 1.5, this server computes "),
         ("table", "wear_volume", "wear_volume[1]: the file has 1.5, this server computes "),
     ];
-    let mut db = open_file(&file).await;
+    let mut lines = Lines::open(&file);
     for ((key, body), (table, column, _)) in results.iter().zip(&names) {
         let mut document: Value = serde_json::from_slice(body).unwrap();
         document[table][column][1] = json!(1.5);
-        replace_body(&mut db, key, &document.to_string()).await;
+        lines.replace_body(key, &document.to_string());
     }
-    db.close().await.unwrap();
+    lines.save();
     let done = import(TempDir::new().unwrap().path(), &file).await.unwrap();
     // In the sensitivity study, the first difference is in the table that follows from the changed row.
     for ((key, _), (table, _, words)) in results.iter().zip(&names) {
@@ -101,12 +100,12 @@ async fn a_refusal_names_the_place_and_both_values() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_file_with_other_white_space_is_refused_with_advice() {
     let (_dir, file, results) = exported(&[small(2.0, "exact"), sweep()]).await;
-    let mut db = open_file(&file).await;
+    let mut lines = Lines::open(&file);
     for (key, body) in &results {
         let document: Value = serde_json::from_slice(body).unwrap();
-        replace_body(&mut db, key, &format!("{document:#}")).await;
+        lines.replace_body(key, &format!("{document:#}").replace('\n', ""));
     }
-    db.close().await.unwrap();
+    lines.save();
     let done = import(TempDir::new().unwrap().path(), &file).await.unwrap();
     let words = "computes: the values are the same, but the file writes them in another way, for example with other white \
                  space. Import the file that `fretwork export` wrote";
@@ -124,7 +123,7 @@ async fn verified(server: &Server, key: &str) -> (Value, Value) {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn an_import_without_time_to_verify_stores_results_whose_tables_are_whole() {
     let (_dir, file, results) = exported(&each_kind()).await;
-    let mut db = open_file(&file).await;
+    let mut lines = Lines::open(&file);
     // A wrong number, a short row, a number that is not finite, and a study whose rows contradict its findings.
     for (place, old, new) in [
         (0, "\"slip\":[[0.0,", "\"slip\":[[1.0,"),
@@ -135,9 +134,9 @@ async fn an_import_without_time_to_verify_stores_results_whose_tables_are_whole(
         let (key, body) = &results[place];
         let body = std::str::from_utf8(body).unwrap();
         assert!(body.contains(old), "{old}");
-        replace_body(&mut db, key, &body.replacen(old, new, 1)).await;
+        lines.replace_body(key, &body.replacen(old, new, 1));
     }
-    db.close().await.unwrap();
+    lines.save();
     let to = Server::start().await;
     let done = import_within(to.place(), &file, Duration::ZERO).await.unwrap();
     assert_eq!((done.results, done.unverified), (3, 3), "{done:?}");
@@ -167,20 +166,17 @@ async fn random_rows_are_verified_of_a_study_that_takes_too_long() {
 }
 
 /// Writes a result as another version of the engine would have written it. Returns its key.
-async fn in_numerics(file: &Path, numerics: u32, key: &str, body: &str) -> String {
+fn in_numerics(file: &Path, numerics: u32, key: &str, body: &str) -> String {
     let mut document: Value = serde_json::from_str(body).unwrap();
     let kind = TaskKind::all().find(|kind| document[kind.member()].is_object()).unwrap();
     let value = document[kind.member()].clone();
     let new = Canonical { kind, value }.key(numerics).to_string();
     document["engine"]["numerics"] = json!(numerics);
     document["key"] = json!(new);
-    let mut db = open_file(file).await;
-    for table in ["results", "bodies"] {
-        let rename = format!("UPDATE {table} SET key = '{new}' WHERE key = '{key}'");
-        sqlx::query(AssertSqlSafe(rename)).execute(&mut db).await.unwrap();
-    }
-    replace_body(&mut db, &new, &document.to_string()).await;
-    db.close().await.unwrap();
+    let mut lines = Lines::open(file);
+    lines.of(key).0["key"] = json!(new);
+    lines.replace_body(&new, &document.to_string());
+    lines.save();
     new
 }
 
@@ -208,7 +204,7 @@ async fn runs_of_an_earlier_engine_are_unverified_and_its_studies_are_refused() 
         let body = std::str::from_utf8(body).unwrap();
         assert!(body.contains(old), "{old}");
         let numerics = if keys.len() == 5 { 0 } else { 2 };
-        keys.push(in_numerics(&file, numerics, key, &body.replacen(old, new, 1)).await);
+        keys.push(in_numerics(&file, numerics, key, &body.replacen(old, new, 1)));
     }
     let to = Server::start().await;
     let done = import(to.place(), &file).await.unwrap();
@@ -239,7 +235,7 @@ async fn an_import_that_was_killed_continues_when_it_is_repeated() {
         from.compute(&small(1.5 + 0.01 * f64::from(number), "exact")).await;
     }
     let dir = TempDir::new().unwrap();
-    let file = dir.path().join("results.db");
+    let file = dir.path().join("results.ndjson.zst");
     export(from.place(), &file, &Search::default(), &[], &mut quiet).await.unwrap();
     let data = dir.path().join("data");
     let words = ["import", file.to_str().unwrap(), "--data-dir", data.to_str().unwrap()];

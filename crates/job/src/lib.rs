@@ -16,7 +16,7 @@ pub use document::{BadDocument, Document};
 pub use fretwork_json::{BadWord, words};
 pub use key::{BadKey, ENGINE, Engine, Key};
 pub use outline::{Outline, SCALARS, Scalar, WORDS, Word};
-pub use received::{Received, Refused, Verified};
+pub use received::{Received, Refused, Verified, is_too_deep};
 pub use record::{Change, Failure, FailureKind, Job, JobId, JobState, Origin, Recomputed};
 pub use submission::{MAX_LABEL, MAX_SUBMITTED, MAX_TAG, MAX_TAGS, Naming, Submission};
 pub use task::{Answer, Begin, Cost, Prepared, Step, Task, Work};

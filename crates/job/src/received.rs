@@ -19,18 +19,19 @@ const SLACK: usize = 100_000;
 /// Deepest nesting of a result. The parser needs memory for each level. A result has less than 10.
 const MAX_DEPTH: usize = 100;
 
-/// How deep a text is nested. Brackets in strings count too. The strings of results contain no brackets.
-fn depth(json: &[u8]) -> usize {
-    let (mut depth, mut deepest) = (0_usize, 0);
-    for byte in json {
+/// Whether a text is nested too deeply for a result. Brackets in strings count too. The strings of results contain no
+/// brackets.
+#[must_use]
+pub fn is_too_deep(json: &[u8]) -> bool {
+    let mut depth = 0_usize;
+    json.iter().any(|byte| {
         match byte {
             b'[' | b'{' => depth += 1,
             b']' | b'}' => depth = depth.saturating_sub(1),
-            _ => continue,
+            _ => {}
         }
-        deepest = deepest.max(depth);
-    }
-    deepest
+        depth > MAX_DEPTH
+    })
 }
 
 /// A result whose key belongs to its scenario.
@@ -123,7 +124,7 @@ impl Received {
     /// # Errors
     /// The body cannot be the result of the key.
     pub fn read(key: &Key, body: &[u8]) -> Result<Self, Refused> {
-        let text = str::from_utf8(body).ok().filter(|_| depth(body) <= MAX_DEPTH);
+        let text = str::from_utf8(body).ok().filter(|_| !is_too_deep(body));
         let text = text.ok_or(Refused::Form)?;
         let document = Document::read(body)?;
         let numerics = document.numerics;

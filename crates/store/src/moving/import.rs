@@ -3,29 +3,23 @@
 //! This module reads and stores the results. The caller verifies each result before it is stored, by computing it
 //! again.
 
-use std::fs::File;
-use std::io::Read as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Duration;
-use std::vec;
 
 use bytes::Bytes;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use serde_json::json;
 use sha2::{Digest as _, Sha256};
-use sqlx::Row as _;
-use sqlx::sqlite::SqliteRow;
 
 use super::Moving;
-use super::untrusted::{ExportFile, Found, unreadable};
+use super::lines::{Line, Lines, MAX_BODY, Maker, Next, Noted, Told, is_stdio};
 use crate::administration::Administration;
-use crate::error::{Command, Error, Result};
+use crate::error::Command;
 use crate::imports::{self, Before, Import, NoteTaken};
 use crate::keep::Answered;
 use crate::library::{Note, Program};
 use crate::place::Place;
-use fretwork_engine::scenario::MAX_ANSWER;
-use fretwork_job::{Answer, Cost, Document, Key, Verified, clock};
+use fretwork_job::{Answer, Cost, Document, Key, Verified, clock, is_too_deep};
 
 /// The outcome of an import.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -51,94 +45,81 @@ pub struct Imported {
 /// An import in progress. It skips results that the database already has, so an interrupted import can be repeated.
 #[derive(Debug)]
 pub struct Importer {
-    from: Source,
+    lines: Lines,
+    /// Number of results that were read.
+    read: usize,
+    is_over: bool,
     db: Administration,
-    path: PathBuf,
+    /// The name of the file.
+    name: String,
     done: Imported,
 }
 
-/// The results of a file that are not read yet.
-#[derive(Debug)]
-enum Source {
-    /// An export, and the numbers and keys of its rows.
-    Export(ExportFile, vec::IntoIter<(i64, String)>),
-    /// The JSON of one result.
-    Json(Option<Bytes>),
-}
-
-impl Source {
-    async fn open(path: &Path) -> Result<Self, Moving> {
-        if let Some(json) = json_of(path) {
-            return Ok(Self::Json(Some(json)));
-        }
-        let mut file = ExportFile::open(path).await?;
-        let rows = file.rows().await?.into_iter();
-        Ok(Self::Export(file, rows))
-    }
-}
-
-/// The JSON of a result that `fretwork run` has written, or its first bytes if it is too large; `None` if the file is not
-/// JSON or cannot be read.
-fn json_of(path: &Path) -> Option<Bytes> {
-    // A FIFO would be opened only when another program writes to it.
-    let mut file = path.is_file().then(|| File::open(path).ok())??;
-    let mut json = vec![0];
-    file.read_exact(&mut json).ok().filter(|()| json == *b"{")?;
-    file.take(MAX_BODY + 1).read_to_end(&mut json).ok()?;
-    // The command ends the result with a line feed, which is not a part of the result.
-    json.pop_if(|last| *last == b'\n');
-    Some(json.into())
-}
-
 impl Importer {
-    /// Opens an export, or the JSON of one result, and the database that receives the results.
+    /// Opens an export, or the JSON of one result, and the database that receives the results. The file `-` is standard
+    /// input.
     ///
     /// # Errors
     /// The file is neither, or a database fails.
     pub fn open(place: Place, file: &Path) -> Command<'_, Self, Moving> {
         Box::pin(async move {
-            let from = Source::open(file).await?;
-            let (db, path) = (Administration::open(place).await?, file.to_owned());
-            Ok(Self { from, db, path, done: Imported::default() })
+            let (lines, db) = (Lines::open(file)?, Administration::open(place).await?);
+            let name = match file.file_name() {
+                Some(name) if !is_stdio(file) => name.to_string_lossy().into_owned(),
+                _ => "standard input".to_owned(),
+            };
+            Ok(Self { lines, read: 0, is_over: false, db, name, done: Imported::default() })
         })
     }
 
-    /// The number of rows that are not read yet.
-    pub fn unread(&self) -> usize {
-        match &self.from {
-            Source::Export(_, rows) => rows.len(),
-            Source::Json(json) => usize::from(json.is_some()),
-        }
+    /// Whether everything is read.
+    pub fn is_over(&self) -> bool {
+        self.is_over
     }
 
-    /// Reads the next row. Returns `None` if there is no row left, or if its result is already stored or is refused.
+    /// The number of results that were read, and of all in the file, as far as it is known.
+    pub fn read(&self) -> (usize, usize) {
+        let all = if self.is_over { self.read } else { self.lines.announced.max(self.read) };
+        (self.read, all)
+    }
+
+    /// Reads the next result. Returns `None` if there is none left, or if it is already stored or is refused.
     ///
     /// # Errors
     /// A database fails.
     pub fn next_entry(&mut self) -> Command<'_, Option<Entry>, Moving> {
         Box::pin(async move {
-            let (name, entry) = match &mut self.from {
-                Source::Export(file, rows) => {
-                    let Some((row, name)) = rows.next() else { return Ok(None) };
-                    let entry = match Entry::read(file, row, &name).await {
-                        Err(Error::Damaged(_)) => {
-                            Err("the file is damaged at this result; export it again".to_owned())
-                        }
-                        read => read.map_err(|error| unreadable(&self.path, error))?,
-                    };
-                    (if name.is_empty() { format!("row {row}") } else { name }, entry)
+            let next = self.lines.next();
+            let (name, entry) = match next {
+                _ if self.done.refused.len() == MOST_REFUSED => {
+                    self.end(&format!("{MOST_REFUSED} results are refused"))
                 }
-                Source::Json(json) => {
-                    let Some(body) = json.take() else { return Ok(None) };
-                    ("in the file".to_owned(), Entry::of_json(body))
+                Ok(Next::Line(line)) if let Some(key) = key_in(&line) => {
+                    (key, Entry::of_line(&line))
                 }
+                // The rest of a broken line may follow, or the file is no export at all.
+                Ok(Next::Line(_)) => self.end("it is nested too deeply, or has no key of a result"),
+                Ok(Next::Json(body)) => ("in the file".to_owned(), Entry::of_json(body)),
+                Ok(Next::End) => {
+                    self.is_over = true;
+                    return Ok(None);
+                }
+                Err(error) => self.end(&error.to_string()),
             };
+            self.read += 1;
             let read = self.unless_known(entry).await?;
             Ok(read.unwrap_or_else(|why| {
                 self.done.refused.push((name, why));
                 None
             }))
         })
+    }
+
+    /// Reads no further line. Returns the name of the last line, and why it is refused.
+    fn end<T>(&mut self, why: &str) -> (String, Result<T, String>) {
+        self.is_over = true;
+        let why = format!("{why}; the rest of the file is not read");
+        (format!("in line {}", self.lines.number), Err(why))
     }
 
     /// Returns `None` if the database already has the result. The inner error is the reason why the result is refused.
@@ -174,7 +155,7 @@ impl Importer {
     /// The database fails.
     pub fn store(&mut self, Accepted(import): Accepted) -> Command<'_, (), Moving> {
         Box::pin(async move {
-            let file = self.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            let file = self.name.clone();
             let (key, size, verified) = (import.key, import.answer.size, import.verified);
             let (before, note) = self.db.change(imports::import, &(import, file)).await?;
             match before {
@@ -204,15 +185,12 @@ impl Importer {
         }
     }
 
-    /// Closes both databases.
+    /// Closes the database.
     ///
     /// # Errors
     /// A database fails.
     pub fn close(mut self) -> Command<'static, Imported, Moving> {
         Box::pin(async move {
-            if let Source::Export(file, _) = self.from {
-                file.close().await?;
-            }
             self.db.close().await?;
             self.done.refused.sort_unstable();
             self.done.other_notes.sort_unstable();
@@ -221,15 +199,14 @@ impl Importer {
     }
 }
 
-/// Maximum size of an imported body, in bytes. Half more than `MAX_ANSWER`, because the estimate of the size of a
-/// result can be too low. It is limited because SQLite and sqlx hold two copies of a body in memory.
-pub const MAX_BODY: u64 = MAX_ANSWER as u64 / 2 * 3;
+/// Maximum number of refused results. A small file can have any number of lines when it is decompressed.
+const MOST_REFUSED: usize = 10_000;
 /// Maximum length of an imported name, in characters.
 const MAX_NAME: usize = 200;
 /// Maximum length of the imported warnings, in bytes. A submission has at most three of about 200 bytes each.
 const MAX_WARNINGS: usize = 4000;
 
-/// A result of an export whose row has passed all checks, but whose body is not trusted.
+/// A result whose line has passed all checks, but whose body is not trusted.
 #[derive(Debug)]
 pub struct Entry {
     /// Its key.
@@ -249,71 +226,49 @@ pub struct Entry {
 pub struct Accepted(Import);
 
 impl Entry {
-    /// Reads a result and its digest. The inner error is the reason why the result is refused.
-    async fn read(
-        from: &mut ExportFile,
-        row: i64,
-        name: &str,
-    ) -> Result<Result<(Self, [u8; 32]), String>> {
-        let Ok(key) = name.parse() else {
-            return Ok(Err(
-                "the key of a result must have 64 lower-case hexadecimal digits".to_owned()
-            ));
+    /// Reads a line: the result and its digest.
+    fn of_line(line: &Bytes) -> Result<(Self, [u8; 32]), String> {
+        let read: Line<'_> = serde_json::from_slice(line)
+            .map_err(|error| format!("the line is not one of an export: {error}"))?;
+        let body = line.slice_ref(read.result.get().as_bytes());
+        if body.len() as u64 > MAX_BODY {
+            return Err(too_large());
+        }
+        let (Ok(key), Ok(sha256)) = (read.key.parse(), read.sha256.parse::<Key>()) else {
+            let wrong = "must have 64 lower-case hexadecimal digits";
+            return Err(format!("the key of a result, and its SHA-256, {wrong}"));
         };
-        let Some(row) = from.result(row).await? else {
-            return Ok(Err("the row of this result in the file is too large".to_owned()));
+        let digest = Sha256::digest(&body).into();
+        if digest != *sha256.bytes() {
+            let wrong = "the JSON of the result does not match its SHA-256; export it again";
+            return Err(wrong.to_owned());
+        }
+        let cpu = read.cpu_seconds.map(seconds).transpose()?;
+        let wall = read.wall_seconds.map(seconds).transpose()?;
+        let entry = Self {
+            key,
+            body,
+            cost: wall.map(|wall| Cost { wall, cpu }),
+            owner: read.owner.map(|owner| name("owner", owner)).transpose()?,
+            computed: read.computed.map(|at| time(&at)).transpose()?,
+            program: read.program.map(program).transpose()?,
+            warnings: read.warnings.as_deref().map(warnings).transpose()?,
+            note: read.note.map(note).transpose()?,
         };
-        Ok(match from.body(name, MAX_BODY).await? {
-            Some(Found::Body(body)) => Self::check(key, &row, body.into()),
-            Some(Found::TooLarge) => Err(too_large()),
-            None => {
-                Err("the file does not contain the JSON of the result; export it again".to_owned())
-            }
-        })
+        Ok((entry, digest))
     }
 
     /// The result whose JSON is `body`, and its digest. Nothing is known of its computation.
     fn of_json(body: Bytes) -> Result<(Self, [u8; 32]), String> {
-        #[derive(Deserialize)]
-        struct Named {
-            key: String,
-        }
         if body.len() as u64 > MAX_BODY {
             return Err(too_large());
         }
-        let named: Option<Named> = serde_json::from_slice(&body).ok();
-        let key = named.and_then(|named| named.key.parse().ok()).ok_or(
+        let key = key_in(&body).and_then(|key| key.parse().ok()).ok_or(
             "the JSON is not a result; name a file that `fretwork run` or `fretwork export` wrote",
         )?;
         let digest = Sha256::digest(&body).into();
         let (cost, owner, computed, program, warnings, note) = (None, None, None, None, None, None);
         Ok((Self { key, body, cost, owner, computed, program, warnings, note }, digest))
-    }
-
-    /// Checks a row, and that its SHA-256 is that of the body.
-    fn check(key: Key, row: &SqliteRow, body: Bytes) -> Result<(Self, [u8; 32]), String> {
-        let sha256: Option<Key> = column::<&str>(row, "sha256")?.and_then(|sum| sum.parse().ok());
-        let sha256 =
-            sha256.ok_or("the SHA-256 of the result is missing or not valid; export it again")?;
-        let digest = Sha256::digest(&body).into();
-        if digest != *sha256.bytes() {
-            return Err(
-                "the JSON of the result does not match its SHA-256; export it again".to_owned()
-            );
-        }
-        let wall = column(row, "wall_seconds")?.map(seconds).transpose()?;
-        let cpu = column(row, "cpu_seconds")?.map(seconds).transpose()?;
-        let entry = Self {
-            key,
-            body,
-            cost: wall.map(|wall| Cost { wall, cpu }),
-            owner: name(row, "owner")?,
-            computed: column(row, "computed")?.map(time).transpose()?,
-            program: program(row)?,
-            warnings: warnings(row)?,
-            note: note(row)?,
-        };
-        Ok((entry, digest))
     }
 
     /// Accepts the result, whose parsed body is `document`. Compresses the body.
@@ -326,30 +281,30 @@ impl Entry {
     }
 }
 
+/// The member `key` of a result or a line.
+fn key_in(json: &[u8]) -> Option<String> {
+    #[derive(Deserialize)]
+    struct Named {
+        key: String,
+    }
+    if is_too_deep(json) {
+        return None;
+    }
+    let named: Option<Named> = serde_json::from_slice(json).ok();
+    named.map(|named| named.key).filter(|key| key.len() <= 64)
+}
+
 fn too_large() -> String {
     format!("the JSON of the result has more than {MAX_BODY} bytes")
 }
 
-/// Reads a column; `None` if it is empty.
-fn column<'r, T>(row: &'r SqliteRow, name: &str) -> Result<Option<T>, String>
-where
-    T: sqlx::Decode<'r, sqlx::Sqlite> + sqlx::Type<sqlx::Sqlite>,
-{
-    row.try_get(name)
-        .map_err(|_| format!("the column {name} of the file has a value of a wrong type"))
-}
-
-/// Reads a column that contains a name. Lists and terminals show names, so control characters are refused.
-fn name(row: &SqliteRow, column_name: &str) -> Result<Option<String>, String> {
-    let name: Option<String> = column(row, column_name)?;
-    match name {
-        Some(name) if name.chars().count() > MAX_NAME || name.chars().any(char::is_control) => {
-            Err(format!(
-                "a value of the column {column_name} has more than {MAX_NAME} characters, or control characters"
-            ))
-        }
-        name => Ok(name),
+/// Checks a name. Lists and terminals show names, so control characters are refused.
+fn name(member: &str, name: String) -> Result<String, String> {
+    if name.chars().count() > MAX_NAME || name.chars().any(char::is_control) {
+        let wrong = format!("more than {MAX_NAME} characters, or control characters");
+        return Err(format!("`{member}` has {wrong}"));
     }
+    Ok(name)
 }
 
 fn seconds(seconds: f64) -> Result<Duration, String> {
@@ -362,41 +317,27 @@ fn time(text: &str) -> Result<i64, String> {
         .ok_or_else(|| format!("{text:?} is not an RFC 3339 time such as 2026-01-31T12:00:00Z"))
 }
 
-/// Reads the program that computed a result. Its `numerics` version is set later, from the body.
-fn program(row: &SqliteRow) -> Result<Option<Program>, String> {
-    let Some(version) = name(row, "version")? else { return Ok(None) };
-    Ok(Some(Program {
-        version,
+/// Checks the program that computed a result. Its `numerics` version is set later, from the body.
+fn program(maker: Maker) -> Result<Program, String> {
+    Ok(Program {
+        version: name("version", maker.version)?,
         numerics: 0,
-        host: name(row, "host")?.unwrap_or_default(),
-        architecture: name(row, "architecture")?.unwrap_or_default(),
-        processors: column(row, "processors")?.unwrap_or_default(),
-    }))
+        host: name("host", maker.host)?,
+        architecture: name("architecture", maker.architecture)?,
+        processors: maker.processors,
+    })
 }
 
-/// Reads the warnings of the submission. Unknown members of a warning are dropped.
-fn warnings(row: &SqliteRow) -> Result<Option<String>, String> {
-    #[derive(Serialize, Deserialize)]
-    struct Told {
-        kind: String,
-        detail: String,
-    }
-    let Some(text) = column::<&str>(row, "warnings")? else { return Ok(None) };
-    let told = Some(text).filter(|text| text.len() <= MAX_WARNINGS);
-    let told: Option<Vec<Told>> = told.and_then(|text| serde_json::from_str(text).ok());
-    let told = told.map(|told| json!(told).to_string());
-    told.ok_or(
-        "the warnings are too long, or not a list of objects with `kind` and `detail`".to_owned(),
-    )
-    .map(Some)
+/// Checks the warnings of the submission.
+fn warnings(told: &[Told]) -> Result<String, String> {
+    let told = json!(told).to_string();
+    let is_short = told.len() <= MAX_WARNINGS;
+    is_short.then_some(told).ok_or_else(|| format!("`warnings` has more than {MAX_WARNINGS} bytes"))
 }
 
-fn note(row: &SqliteRow) -> Result<Option<Note>, String> {
-    let Some(text) = column::<String>(row, "note")? else { return Ok(None) };
+fn note(Noted { text, owner, at }: Noted) -> Result<Note, String> {
     if let Some(fault) = Note::fault(&text) {
         return Err(format!("the note on the result {fault}"));
     }
-    let owner = name(row, "note_owner")?.ok_or("the note on the result has no owner")?;
-    let at = column(row, "note_at")?.ok_or("the note on the result has no time")?;
-    Ok(Some(Note { text, owner, at: time(at)? }))
+    Ok(Note { text, owner: name("owner", owner)?, at: time(&at)? })
 }

@@ -3,10 +3,9 @@
 //! All commands except restore work while a server uses the database: SQLite isolates their transactions, which are
 //! short. Each file is written under a temporary name, checked, and then renamed.
 //!
-//! An export is an SQLite database for other programs and for other servers. It has one table with a row per result,
-//! one with the bodies, one with the histories, and one with the units. An import reads results from the bodies only,
-//! and checks their SHA-256. The module `service` of the server checks their keys, and computes them again. Notes,
-//! warnings about the two bodies, and the provenance (who computed a result, where, when and at what cost) are stored
+//! An export is lines of JSON: each has the body of a result and its provenance (who computed it, where, when and at
+//! what cost). An import reads results from the bodies only, and checks their SHA-256. The module `service` of the server
+//! checks their keys, and computes them again. Notes, warnings about the two bodies, and the provenance are stored
 //! without a check.
 
 mod backup;
@@ -14,7 +13,7 @@ mod check;
 mod damage;
 mod export;
 mod import;
-mod untrusted;
+mod lines;
 
 use std::fs::{self, File};
 use std::io;
@@ -32,12 +31,11 @@ pub use backup::{Saved, backup, note_backup, restore};
 pub use check::{Checked, check};
 pub use damage::Damage;
 pub use export::{Exported, export};
-pub use import::{Accepted, Entry, Imported, Importer, MAX_BODY};
+pub use import::{Accepted, Entry, Imported, Importer};
+pub use lines::MAX_BODY;
 
-/// The SQLite application id of an export ("frex").
-const EXPORT: i32 = 0x6672_6578;
-/// The version of the format of an export.
-const FORM: i32 = 1;
+/// The version of the form of an export. Form 1 was a database of SQLite.
+const FORM: u32 = 2;
 
 /// The suffixes of the files that SQLite keeps beside a database.
 const COMPANIONS: [&str; 3] = ["-journal", "-wal", "-shm"];
@@ -68,19 +66,25 @@ pub enum Moving {
     /// The file is not an export.
     #[error("{} is not an export of fretwork; name a file that `fretwork export` wrote", .0.display())]
     NoExport(PathBuf),
+    /// Version 0.4 or earlier wrote the file.
+    #[error(
+        "{} is an export of fretwork 0.4 or earlier, a database; change its form with \
+         `python3 -m fretwork_client.old_export FILE | fretwork import -`", .0.display()
+    )]
+    FirstForm(PathBuf),
     /// The file is a backup, or the database of a server.
     #[error("{} is a whole database, not an export; if it is a backup, use `fretwork restore`", .0.display())]
     WholeDatabase(PathBuf),
     /// A later program wrote the file.
     #[error(
-        "{} was exported by a later version of fretwork (the file has format {found}, this program reads formats up to \
+        "{} was exported by a later version of fretwork (the file has form {found}, this program reads form \
          {FORM}); update this program", path.display()
     )]
     LaterForm {
         /// The file.
         path: PathBuf,
-        /// The version of its format.
-        found: i32,
+        /// The version of its form.
+        found: u32,
     },
     /// The database does not have this result.
     #[error("there is no result with the key {0} in the database")]
