@@ -1,12 +1,9 @@
 //! The JSON Schema of a scenario agrees with the parser.
 
-use fretwork_engine::request::changing::MAX_CHANGES;
+use fretwork_engine::request::fault::Faults;
 use fretwork_engine::request::fields::{Length, MAX_CYCLES, POINTS_RANGE, Position, QUANTITIES};
 use fretwork_engine::request::forms::FORMS;
-use fretwork_engine::request::held::{MAX_BLOCKS, MAX_REVERSALS};
-use fretwork_engine::request::indenter::MAX_ROWS;
 use fretwork_engine::request::quantity::{Dimension, parse};
-use fretwork_engine::request::wear::MAX_LAYERS;
 use fretwork_engine::scenario::{self, DEFAULT_POINTS, DEFAULT_TOLERANCE, SCHEMA};
 use serde_json::{Value, json};
 
@@ -29,23 +26,76 @@ fn the_schema_has_the_ranges_and_defaults_of_the_parser() {
         let found = (number(&format!("{pointer}/minimum")), number(&format!("{pointer}/maximum")));
         assert_eq!(found, range, "{pointer}");
     }
-    for (list, most) in [
-        ("Instants", MAX_CYCLES),
-        ("Energies", MAX_CYCLES),
-        ("Blocks/properties/blocks", MAX_BLOCKS),
-        ("Reversals/properties/reversals", MAX_REVERSALS),
-        ("Table/properties/radius", MAX_ROWS),
-        ("Table/properties/height", MAX_ROWS),
-        ("ChangeTable/properties/at", MAX_CHANGES),
-        ("ChangeTable/properties/values", MAX_CHANGES),
-        ("WornBody/properties/layers", MAX_LAYERS),
-    ] {
+    for (list, most) in [("Instants", MAX_CYCLES), ("Energies", MAX_CYCLES)] {
         assert_eq!(number(&format!("/$defs/{list}/maxItems")), most as f64, "{list}");
     }
     let words =
         |member: &str| at(&format!("/$defs/Model/properties/{member}/description")).to_string();
     assert!(words("tolerance").contains(&format!("By default {DEFAULT_TOLERANCE}.")));
     assert!(words("points").contains(&format!("By default {DEFAULT_POINTS}.")));
+}
+
+/// Every definition that a part of the schema names.
+fn references<'a>(part: &'a Value, found: &mut Vec<&'a str>) {
+    match part {
+        Value::Object(members) => {
+            found.extend(part["$ref"].as_str());
+            members.values().for_each(|member| references(member, found));
+        }
+        Value::Array(items) => items.iter().for_each(|item| references(item, found)),
+        _ => {}
+    }
+}
+
+#[test]
+fn each_member_of_a_form_is_an_input_and_each_reference_is_defined() {
+    for form in FORMS {
+        for (name, value) in form.members() {
+            let is_known = value.is_some() || form.input(name).is_some();
+            assert!(is_known, "{}: `{name}` has no row in `inputs!`", form.name);
+        }
+    }
+    let schema = schema();
+    let mut found = Vec::new();
+    references(&schema, &mut found);
+    assert!(found.len() > 100, "{}", found.len());
+    for reference in found {
+        let pointer = reference.strip_prefix('#').unwrap();
+        assert!(schema.pointer(pointer).is_some_and(Value::is_object), "{reference}");
+    }
+}
+
+#[test]
+fn the_parser_refuses_a_list_that_is_longer_than_the_schema_says() {
+    let schema = schema();
+    let layer = json!({"thickness": 1e-6, "coefficient": 1e-13});
+    for (list, pointer, item) in [
+        ("Blocks/properties/blocks", "/motion/blocks", json!({"amplitude": 1e-6, "cycles": 1})),
+        ("Reversals/properties/reversals", "/motion/reversals", json!(1e-6)),
+        ("Table/properties/radius", "/profile/radius", json!(1e-3)),
+        ("WornBody/properties/layers", "/wear/bodies/0/layers", layer),
+    ] {
+        let most = schema.pointer(&format!("/$defs/{list}/maxItems")).and_then(Value::as_u64);
+        let most = most.expect(list) as usize;
+        let is_too_long = |count: usize| {
+            let items = vec![item.clone(); count];
+            let mut scenario = schema["examples"][0].clone();
+            match pointer {
+                "/wear/bodies/0/layers" => {
+                    let body = json!({"coefficient": 1e-13, "layers": items});
+                    scenario["wear"] = json!({"bodies": [body, {"coefficient": 0}]});
+                }
+                "/profile/radius" => {
+                    scenario["profile"] =
+                        json!({"shape": "table", "radius": items, "height": items});
+                }
+                _ => scenario["motion"] = json!({pointer.trim_start_matches("/motion/"): items}),
+            }
+            let Err(Faults(faults)) = scenario::check(&scenario, "") else { return false };
+            faults.iter().any(|it| it.pointer == pointer && it.detail.contains(&count.to_string()))
+        };
+        assert!(!is_too_long(most) && is_too_long(most + 1), "{list}");
+    }
 }
 
 #[test]
