@@ -90,7 +90,7 @@ pub fn main() -> ExitCode {
         Some(Command::Audit(data)) => administration::audit(&data),
         Some(Command::Export(settings)) => moving::export(&settings),
         Some(Command::Import(settings)) => moving::import(&settings),
-        Some(Command::Check(data)) => moving::check(&data),
+        Some(Command::Check { repair, data }) => moving::check(&data, repair),
         Some(Command::Backup(settings)) => moving::backup(&settings),
         Some(Command::Restore(settings)) => moving::restore(&settings),
     };

@@ -12,7 +12,9 @@ use super::runtime::block_on;
 use crate::config::{Backup, Data, Export, Import, Restore};
 use crate::service;
 use fretwork_job::clock;
-use fretwork_store::{self as store, AccessKey, Administration, Checked, Imported, Saved, Search};
+use fretwork_store::{
+    self as store, AccessKey, Administration, Checked, Imported, Repaired, Saved, Search,
+};
 
 /// Time between two lines of progress in a log.
 const LOG_INTERVAL: Duration = Duration::from_secs(10);
@@ -129,10 +131,18 @@ fn name_damaged(saved: &Saved) -> Result<(), Error> {
     Ended::with(if saved.damaged.is_empty() { 0 } else { 2 })
 }
 
-/// Searches a database for damage, and prints the damaged rows to standard error. The exit code is 2 if there are any.
-pub fn check(data: &Data) -> Result<(), Error> {
+/// Searches a database for damage, and prints the damaged rows to standard error. With `is_repair`, first repairs what
+/// follows from sound results. The exit code is 2 if there is damage left.
+pub fn check(data: &Data, is_repair: bool) -> Result<(), Error> {
     let dir =
         data.directory("check it with `pg_amcheck`, and with `pg_checksums` while it is stopped")?;
+    if is_repair {
+        let Repaired { copy, damage } = block_on(store::repair(dir))?;
+        for row in &damage {
+            writeln!(io::stderr(), "written again: {row}")?;
+        }
+        writeln!(io::stderr(), "the database as it was: {}", copy.display())?;
+    }
     let Checked { counts, damage } = block_on(store::check(dir))?;
     for row in &damage {
         writeln!(io::stderr(), "damaged: {row}")?;

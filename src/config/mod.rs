@@ -149,7 +149,15 @@ pub enum Command {
     /// lists and search show with the stored results. Damaged rows are printed to standard error: table, key, column. The exit
     /// code is then 2.
     #[command(after_help = examples!("check"))]
-    Check(Data),
+    Check {
+        /// Write numbers and words that contradict a sound result again, and delete nothing. Stop the server first. The
+        /// database as it was is kept beside it, as fretwork.unrepaired-TIME.db.
+        #[arg(long)]
+        repair: bool,
+        /// The database to check.
+        #[command(flatten)]
+        data: Data,
+    },
     /// Copy the whole database to a file, and check the copy.
     ///
     /// The server may run meanwhile. The copy is a snapshot.

@@ -65,8 +65,8 @@ pub use keep::{Answered, Changed, Editor, Finish, Removed};
 pub use keys::{AccessKey, NewKey, Role, digest};
 pub use library::{FromFile, Known, Note, Program, Provenance};
 pub use moving::{
-    Accepted, Checked, Damage, Entry, Exported, Imported, Importer, MAX_BODY, Moving, Saved,
-    backup, check, export, note_backup, restore,
+    Accepted, Checked, Damage, Entry, Exported, Imported, Importer, MAX_BODY, Moving, Repaired,
+    Saved, backup, check, export, note_backup, repair, restore,
 };
 pub use options::{FileSizes, Options, Recovered};
 pub use place::{DatabaseUrl, Place};

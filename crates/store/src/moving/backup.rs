@@ -11,7 +11,7 @@ use sqlx::{Connection as _, SqliteConnection};
 
 use super::check::{of_pages, of_rows};
 use super::damage::Damage;
-use super::{COMPANIONS, Moving, Part, put, reading, refused, remove, sync_directory};
+use super::{COMPANIONS, Moving, Part, put, reading, refused, remove, settle, sync_directory};
 use crate::administration::PATIENCE;
 use crate::body::Body;
 use crate::error::{Command, Error, unless_damaged};
@@ -148,28 +148,6 @@ async fn inspect(file: &Path, name: &Path) -> Result<i64, Moving> {
     let version = schema::version(&mut db).await?;
     db.close().await?;
     Ok(version)
-}
-
-/// Lets SQLite recover a database after a crash, so that neither a log nor a journal is left beside it. A database that
-/// SQLite cannot read stays as it is.
-async fn settle(path: &Path) -> Result<(), Moving> {
-    let not_replaced = |source| Moving::NotReplaced { path: path.to_owned(), source };
-    open::forget_foreign_log(path).map_err(not_replaced)?;
-    let settled = async {
-        let options = open::connecting(path).busy_timeout(PATIENCE);
-        let mut db = SqliteConnection::connect_with(&options).await?;
-        sqlx::query("SELECT count(*) FROM sqlite_schema").execute(&mut db).await?;
-        let is_used: bool =
-            sqlx::query_scalar("PRAGMA wal_checkpoint(TRUNCATE)").fetch_one(&mut db).await?;
-        db.close().await?;
-        Ok(is_used)
-    };
-    match unless_damaged(settled.await)? {
-        Ok(false) | Err(_) => Ok(()),
-        Ok(true) => Err(not_replaced(io::Error::other(
-            "another program uses the former database; end it first",
-        ))),
-    }
 }
 
 /// The database to be copied.

@@ -4,25 +4,31 @@
 //! for this (`migrations/sqlite/0014_copies.sql`, `0015_verified.sql`). Other copies are in the body of the result,
 //! which has a checksum, and in other rows.
 
-use std::path::Path;
+use std::fs;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use bytes::Bytes;
 use data_encoding::HEXLOWER;
 use futures_util::TryStreamExt as _;
 use serde_json::Value;
 use sha2::{Digest as _, Sha256};
 use sqlx::sqlite::SqliteRow;
-use sqlx::{AssertSqlSafe, Connection as _, Executor as _, SqliteConnection};
+use sqlx::{AssertSqlSafe, Connection as _, SqliteConnection};
 
 use super::damage::{Damage, SCHEMA, UNUSED, in_schema, locate};
-use super::{Moving, reading};
+use super::{Moving, Part, reading, refused, settle};
+use crate::administration::PATIENCE;
 use crate::body::Body;
 use crate::error::{Command, Error, Result, is_other_file, unless_damaged};
+use crate::keep::outlined;
 use crate::row::{Columns, Sum, changes, checksum};
 use crate::search::names;
 use crate::sqlite::open::{self, DATABASE};
 use crate::sqlite::schema;
-use fretwork_job::{Canonical, Document, ENGINE, Key, Outline, SCALARS, WORDS};
+use crate::statement::{Statement, sql};
+use crate::tables::Connected as _;
+use fretwork_job::{Canonical, Document, ENGINE, Key, Outline, SCALARS, WORDS, clock};
 
 /// The findings of a check.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -40,19 +46,11 @@ pub struct Checked {
 pub fn check(dir: &Path) -> Command<'_, Checked, Moving> {
     Box::pin(async move {
         let path = dir.join(DATABASE);
-        if !path.exists() {
-            return Err(Moving::Nothing(path));
-        }
-        if let Err(error) = open::inspect(&path).await {
-            return of_schema(error);
-        }
-        let mut db = reading(&path).await?;
-        // One transaction, so that all statements see the same snapshot while a server writes.
-        db.execute("BEGIN").await?;
-        if let Err(error) = schema::compare(&mut db, &path).await {
-            return of_schema(error);
-        }
-        schema::require_latest(&mut db, &path).await?;
+        let mut db = match opened(&path).await {
+            Ok(db) => db,
+            Err(Moving::Store(error)) => return of_schema(error),
+            Err(error) => return Err(error),
+        };
         let mut damage = of_pages(&mut db).await?;
         damage.extend(of_rows(&mut db).await?);
         let count = "SELECT (SELECT count(*) FROM job), (SELECT count(*) FROM result)";
@@ -61,6 +59,61 @@ pub fn check(dir: &Path) -> Command<'_, Checked, Moving> {
         damage.dedup();
         Ok(Checked { counts, damage })
     })
+}
+
+/// What a repair has changed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Repaired {
+    /// A copy of the database as it was.
+    pub copy: PathBuf,
+    /// Each damage that is repaired.
+    pub damage: Vec<Damage>,
+}
+
+/// Writes what follows from the body of a result again, if it contradicts a body whose checksum is right. Nothing else is
+/// changed or deleted. No server may use the directory. Copies the database first.
+///
+/// # Errors
+/// A server is running, there is no database, its schema is damaged, or the copy cannot be written.
+pub fn repair(dir: &Path) -> Command<'_, Repaired, Moving> {
+    Box::pin(async move {
+        let path = dir.join(DATABASE);
+        if !path.exists() {
+            return Err(Moving::Nothing(path));
+        }
+        let _lock = open::lock(dir).await?;
+        settle(&path).await?;
+        let copy = dir.join(format!("fretwork.unrepaired-{}.db", clock::now()));
+        let part = Part::of(&copy, ".part")?;
+        fs::copy(&path, &part.0).map_err(refused(&part.0))?;
+        part.name(&copy)?;
+        let mut db = opened(&path).await?;
+        // In a database without a log, a transaction of a reader would block the writer.
+        db.execute(sql!("COMMIT")).await?;
+        // A connection that has read a damaged page cannot commit. So another one writes, a result at a time.
+        let options = open::connecting(&path).busy_timeout(PATIENCE);
+        let mut writer = SqliteConnection::connect_with(&options).await?;
+        // Otherwise SQLite refuses to change a row that differs from an index. The change makes both equal.
+        writer.execute(sql!("PRAGMA writable_schema = ON")).await?;
+        let damage = of_results(&mut db, Some(&mut writer)).await?;
+        db.close().await?;
+        writer.close().await?;
+        Ok(Repaired { copy, damage })
+    })
+}
+
+/// Opens a database of this version for reading, in a transaction, so that all statements see the same snapshot while a
+/// server writes.
+async fn opened(path: &Path) -> Result<SqliteConnection, Moving> {
+    if !path.exists() {
+        return Err(Moving::Nothing(path.to_owned()));
+    }
+    open::inspect(path).await?;
+    let mut db = reading(path).await?;
+    db.execute(sql!("BEGIN")).await?;
+    schema::compare(&mut db, path).await?;
+    schema::require_latest(&mut db, path).await?;
+    Ok(db)
 }
 
 /// Reports a damaged schema as damage. It ends the check before any row is read. Any other error is returned.
@@ -90,7 +143,7 @@ pub(super) async fn of_pages(db: &mut SqliteConnection) -> Result<Vec<Damage>> {
     for table in tables {
         for line in said(db, format!("PRAGMA integrity_check(\"{table}\")")).await? {
             if line != "ok" {
-                damage.extend(locate(db, &table, &line).await);
+                damage.push(locate(db, &table, &line).await);
             }
         }
     }
@@ -127,7 +180,7 @@ pub(super) async fn of_rows(db: &mut SqliteConnection) -> Result<Vec<Damage>> {
         Err(error) => damage.push(Damage::of("_sqlx_migrations", error)),
     }
     damage.extend(of_jobs(db).await?);
-    damage.extend(of_results(db).await?);
+    damage.extend(of_results(db, None).await?);
     Ok(damage)
 }
 
@@ -216,8 +269,12 @@ fn contradiction(row: &SqliteRow) -> sqlx::Result<Option<String>> {
     Ok(wrong.map(|(column, _)| format!("{column} contradicts changes")))
 }
 
-/// Compares each result with its body, its task and its outline.
-async fn of_results(db: &mut SqliteConnection) -> Result<Vec<Damage>> {
+/// Compares each result with its body, its task and its outline. With a second connection, repairs the columns that follow
+/// from a sound body, and returns only what it has repaired.
+async fn of_results(
+    db: &mut SqliteConnection,
+    mut repair: Option<&mut SqliteConnection>,
+) -> Result<Vec<Damage>> {
     let columns: Vec<String> = names().map(|name| format!("outline.{name}")).collect();
     let statement = format!(
         "SELECT result.key AS key, summary, digest, result.size AS size, checksum, evicted, task, body, {}
@@ -234,9 +291,22 @@ async fn of_results(db: &mut SqliteConnection) -> Result<Vec<Damage>> {
             Ok(None) => return Ok(damage),
             Ok(Some(row)) => {
                 last = row.get("key")?;
-                let wrong = of_result(&row);
-                let wrong =
-                    wrong.unwrap_or_else(|error| vec![(table_of(&error), error.to_string())]);
+                let (mut wrong, sound) = of_result(&row)
+                    .unwrap_or_else(|error| (vec![(table_of(&error), error.to_string())], None));
+                if let Some(writer) = &mut repair {
+                    match sound.filter(|_| !wrong.is_empty()) {
+                        Some((body, document)) => {
+                            let done = derive(writer, &last, &body, &document).await;
+                            if let Err(error) = done {
+                                writer.execute(sql!("ROLLBACK")).await?;
+                                // Another damage prevents the repair. The next check reports it.
+                                let Error::Damaged(_) = error else { return Err(error) };
+                                wrong.clear();
+                            }
+                        }
+                        None => wrong.clear(),
+                    }
+                }
                 let key = HEXLOWER.encode(&last);
                 damage.extend(wrong.into_iter().map(|(table, what)| Damage::at(table, &key, what)));
             }
@@ -244,12 +314,13 @@ async fn of_results(db: &mut SqliteConnection) -> Result<Vec<Damage>> {
                 let next = "SELECT key FROM result WHERE key > ?1 ORDER BY key LIMIT 1";
                 let next = sqlx::query_scalar(next).bind(&last).fetch_optional(&mut *db).await;
                 let Ok(Some(next)) = next else {
-                    damage.push(Damage::of("result", error));
+                    damage.extend(repair.is_none().then(|| Damage::of("result", error)));
                     return Ok(damage);
                 };
                 last = next;
                 let what = format!("body, task or outline cannot be read: {error}");
-                damage.push(Damage::at("result_blob", &HEXLOWER.encode(&last), what));
+                let unread = || Damage::at("result_blob", &HEXLOWER.encode(&last), what);
+                damage.extend(repair.is_none().then(unread));
             }
         }
     }
@@ -268,8 +339,11 @@ fn table_of(error: &sqlx::Error) -> &'static str {
     }
 }
 
-/// Each fault of a result: the table, and a description.
-fn of_result(row: &SqliteRow) -> sqlx::Result<Vec<(&'static str, String)>> {
+/// Each fault of a result: the table, and a description. The second value is the body, if it is sound.
+#[expect(clippy::type_complexity, reason = "only one function uses it")]
+fn of_result(
+    row: &SqliteRow,
+) -> sqlx::Result<(Vec<(&'static str, String)>, Option<(Bytes, Document)>)> {
     let (key, task) = (row.get("key")?, row.get::<Option<&str>>("task")?);
     let is_real = row.get::<Option<&str>>("kind")?.is_some();
     let of_task = |task| Canonical::in_stored(task).is_some_and(|asked| is_key_of(&key, &asked));
@@ -278,19 +352,19 @@ fn of_result(row: &SqliteRow) -> sqlx::Result<Vec<(&'static str, String)>> {
         wrong.push(("result_task", "task does not give the key".to_owned()));
     }
     if row.get::<Option<i64>>("evicted")?.is_some() {
-        return Ok(wrong);
+        return Ok((wrong, None));
     }
     let Some(body) = row.get::<Option<Vec<u8>>>("body")?.map(Body::stored) else {
         wrong.push(("result_blob", "body is missing".to_owned()));
-        return Ok(wrong);
+        return Ok((wrong, None));
     };
     if !Sum::read(row)?.is_of(&body) {
         wrong.push(("result_blob", "body or checksum is changed".to_owned()));
-        return Ok(wrong);
+        return Ok((wrong, None));
     }
     let Ok(body) = body.json() else {
         wrong.push(("result_blob", "body cannot be decompressed".to_owned()));
-        return Ok(wrong);
+        return Ok((wrong, None));
     };
     if row.get::<u64>("size")? != body.len() as u64 {
         wrong.push(("result", "size contradicts the body".to_owned()));
@@ -298,10 +372,35 @@ fn of_result(row: &SqliteRow) -> sqlx::Result<Vec<(&'static str, String)>> {
     if Sha256::digest(&body)[..] != *row.get::<&[u8]>("digest")? {
         wrong.push(("result", "digest contradicts the body".to_owned()));
     }
-    if let Ok(document) = Document::read(&body) {
-        wrong.extend(of_document(row, &document));
-    }
-    Ok(wrong)
+    let document = Document::read(&body).ok();
+    wrong.extend(document.iter().flat_map(|document| of_document(row, document)));
+    let document = document.filter(|document| is_key_of(&key, &document.asked));
+    Ok((wrong, document.map(|document| (body, document))))
+}
+
+/// Writes the columns of a result that follow from its body.
+async fn derive(
+    db: &mut SqliteConnection,
+    key: &[u8],
+    body: &[u8],
+    document: &Document,
+) -> Result<()> {
+    let [columns, values, _] = outlined(6);
+    let derive = format!(
+        "BEGIN IMMEDIATE;
+         UPDATE result SET size = $2, summary = $3, digest = $4 WHERE key = $1;
+         UPDATE result_task SET task = $5 WHERE key = $1;
+         UPDATE outline SET size = $2, ({columns}) = ({values})
+         WHERE id = (SELECT id FROM result_task WHERE key = $1);
+         COMMIT"
+    );
+    let derive = Statement::of(derive)
+        .with(key)
+        .with((body.len() as u64).cast_signed())
+        .with(document.summary.to_string())
+        .with(&Sha256::digest(body)[..])
+        .with(document.asked.kind.stored(&document.asked.value));
+    db.execute(derive.with_outline(&document.outline)).await
 }
 
 /// Compares the summary and the outline, which lists and searches show, with the body of the result.

@@ -22,13 +22,13 @@ use std::path::{Path, PathBuf};
 use sqlx::{Connection as _, SqliteConnection};
 
 use super::administration::PATIENCE;
-use super::error::Error;
+use super::error::{Error, unless_damaged};
 use super::place::Place;
 use super::sqlite::open;
 use fretwork_job::Key;
 
 pub use backup::{Saved, backup, note_backup, restore};
-pub use check::{Checked, check};
+pub use check::{Checked, Repaired, check, repair};
 pub use damage::Damage;
 pub use export::{Exported, export};
 pub use import::{Accepted, Entry, Imported, Importer};
@@ -165,6 +165,28 @@ impl Drop for Part {
 async fn reading(path: &Path) -> Result<SqliteConnection, Moving> {
     let options = open::connecting(path).busy_timeout(PATIENCE).read_only(true);
     Ok(SqliteConnection::connect_with(&options).await?)
+}
+
+/// Lets SQLite recover a database after a crash, so that neither a log nor a journal is left beside it. A database that
+/// SQLite cannot read stays as it is.
+async fn settle(path: &Path) -> Result<(), Moving> {
+    let not_replaced = |source| Moving::NotReplaced { path: path.to_owned(), source };
+    open::forget_foreign_log(path).map_err(not_replaced)?;
+    let settled = async {
+        let options = open::connecting(path).busy_timeout(PATIENCE);
+        let mut db = SqliteConnection::connect_with(&options).await?;
+        sqlx::query("SELECT count(*) FROM sqlite_schema").execute(&mut db).await?;
+        let is_used: bool =
+            sqlx::query_scalar("PRAGMA wal_checkpoint(TRUNCATE)").fetch_one(&mut db).await?;
+        db.close().await?;
+        Ok(is_used)
+    };
+    match unless_damaged(settled.await)? {
+        Ok(false) | Err(_) => Ok(()),
+        Ok(true) => Err(not_replaced(io::Error::other(
+            "another program uses the former database; end it first",
+        ))),
+    }
 }
 
 /// Syncs a finished file to the disk and renames it.
