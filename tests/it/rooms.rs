@@ -87,7 +87,21 @@ const LAYOUTS: [Layout; 11] = [
     Layout { dir: "crates/plot/src", rooms: &[], reserved: IMPURE },
     Layout { dir: "crates/study/src", rooms: &[], reserved: IMPURE },
     Layout { dir: "crates/job/src", rooms: &[], reserved: &[] },
-    Layout { dir: "crates/store/src", rooms: &[], reserved: &[] },
+    Layout {
+        dir: "crates/store/src",
+        rooms: &[
+            "database",
+            "team",
+            "results",
+            "jobs",
+            "sqlite",
+            "postgres",
+            "administration",
+            "moving",
+            "verbs",
+        ],
+        reserved: &[],
+    },
     Layout { dir: "crates/format/src", rooms: &[], reserved: &[] },
     Layout { dir: "crates/verify/src", rooms: &[], reserved: IMPURE },
 ];

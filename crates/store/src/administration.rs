@@ -5,15 +5,15 @@ use std::time::Duration;
 use sqlx::postgres::PgConnection;
 use sqlx::{Connection as _, SqliteConnection};
 
-use super::audit::{self, Actor, AuditEntry};
-use super::change::{Change, Verb};
-use super::error::{Command, Result};
-use super::keys::{self, AccessKey, NewKey};
-use super::place::Place;
-use super::row::Columns;
-use super::statement::sql;
-use super::tables::{Connected, Connection, Tables};
-use super::{postgres, sqlite};
+use crate::database::change::{Change, Verb};
+use crate::database::error::{Command, Result};
+use crate::database::place::Place;
+use crate::database::row::Columns;
+use crate::database::statement::sql;
+use crate::database::tables::{Connected, Connection, Tables};
+use crate::team::audit::{self, Actor, AuditEntry};
+use crate::team::keys::{self, AccessKey, NewKey};
+use crate::{postgres, sqlite};
 
 /// Maximum time that a command waits for the lock of the database while a server writes.
 pub(super) const PATIENCE: Duration = Duration::from_secs(30);

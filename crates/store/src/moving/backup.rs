@@ -13,13 +13,13 @@ use super::check::{of_pages, of_rows};
 use super::damage::Damage;
 use super::{COMPANIONS, Moving, Part, put, reading, refused, remove, settle, sync_directory};
 use crate::administration::PATIENCE;
-use crate::body::Body;
-use crate::error::{Command, Error, unless_damaged};
-use crate::row::{Columns as _, Sum};
+use crate::database::body::Body;
+use crate::database::error::{Command, Error, unless_damaged};
+use crate::database::row::{Columns as _, Sum};
+use crate::database::statement::{Statement, sql};
+use crate::database::tables::{Connected as _, Tables as _};
 use crate::sqlite::open::{self, DATABASE, LOCK};
 use crate::sqlite::{ledger, schema};
-use crate::statement::{Statement, sql};
-use crate::tables::{Connected as _, Tables as _};
 use fretwork_job::{Key, clock};
 
 /// The contents of a backup.

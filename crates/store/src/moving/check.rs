@@ -19,15 +19,15 @@ use sqlx::{AssertSqlSafe, Connection as _, SqliteConnection};
 use super::damage::{Damage, SCHEMA, UNUSED, in_schema, locate};
 use super::{Moving, Part, reading, refused, settle};
 use crate::administration::PATIENCE;
-use crate::body::Body;
-use crate::error::{Command, Error, Result, is_other_file, unless_damaged};
-use crate::keep::outlined;
-use crate::row::{Columns, Sum, changes, checksum};
-use crate::search::names;
+use crate::database::body::Body;
+use crate::database::error::{Command, Error, Result, is_other_file, unless_damaged};
+use crate::database::row::{Columns, Sum, changes, checksum};
+use crate::database::statement::{Statement, sql};
+use crate::database::tables::Connected as _;
+use crate::results::keep::outlined;
+use crate::results::search::names;
 use crate::sqlite::open::{self, DATABASE};
 use crate::sqlite::schema;
-use crate::statement::{Statement, sql};
-use crate::tables::Connected as _;
 use fretwork_job::{Canonical, Document, ENGINE, Key, Outline, SCALARS, WORDS, clock};
 
 /// The findings of a check.

@@ -12,11 +12,11 @@ use zstd::Encoder;
 use super::lines::{Head, Line, Maker, Noted, is_stdio};
 use super::{Moving, Part, refused};
 use crate::administration::Administration;
-use crate::error::{Command, Error, Result};
-use crate::library::Provenance;
-use crate::place::Place;
-use crate::read::{self, StoredResult};
-use crate::search::{Found, Search};
+use crate::database::error::{Command, Error, Result};
+use crate::database::place::Place;
+use crate::jobs::read::{self, StoredResult};
+use crate::results::library::Provenance;
+use crate::results::search::{Found, Search};
 use fretwork_job::{Key, clock};
 
 /// The outcome of an export.

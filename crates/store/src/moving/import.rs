@@ -14,11 +14,11 @@ use sha2::{Digest as _, Sha256};
 use super::Moving;
 use super::lines::{Line, Lines, MAX_BODY, Maker, Next, Noted, Told, is_stdio};
 use crate::administration::Administration;
-use crate::error::Command;
-use crate::imports::{self, Before, Import, NoteTaken};
-use crate::keep::Answered;
-use crate::library::{Note, Program};
-use crate::place::Place;
+use crate::database::error::Command;
+use crate::database::place::Place;
+use crate::moving::imports::{self, Before, Import, NoteTaken};
+use crate::results::keep::Answered;
+use crate::results::library::{Note, Program};
 use fretwork_job::{Answer, Cost, Document, Key, Verified, clock, is_too_deep};
 
 /// The outcome of an import.

@@ -13,7 +13,7 @@ use serde_json::value::RawValue;
 use zstd::zstd_safe::MAGICNUMBER;
 
 use super::{FORM, Moving, refused};
-use crate::library::Note;
+use crate::results::library::Note;
 use crate::sqlite::open::APPLICATION_ID;
 use fretwork_engine::scenario::MAX_ANSWER;
 use fretwork_job::{ENGINE, clock};

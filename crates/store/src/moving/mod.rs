@@ -13,6 +13,7 @@ mod check;
 mod damage;
 mod export;
 mod import;
+mod imports;
 mod lines;
 
 use std::fs::{self, File};
@@ -21,10 +22,10 @@ use std::path::{Path, PathBuf};
 
 use sqlx::{Connection as _, SqliteConnection};
 
-use super::administration::PATIENCE;
-use super::error::{Error, unless_damaged};
-use super::place::Place;
-use super::sqlite::open;
+use crate::administration::PATIENCE;
+use crate::database::error::{Error, unless_damaged};
+use crate::database::place::Place;
+use crate::sqlite::open;
 use fretwork_job::Key;
 
 pub use backup::{Saved, backup, note_backup, restore};

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use parking_lot::Mutex;
 
 use super::rest::Rest;
-use crate::submit::Queued;
+use crate::jobs::submit::Queued;
 
 /// If the limit of the queue is at most this, every submission counts the queue.
 const SMALL: usize = 1000;

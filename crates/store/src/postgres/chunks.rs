@@ -6,12 +6,12 @@
 use super::follow::follow;
 use super::lease;
 use super::transaction::Transaction;
-use crate::claimed::{Claim, Claimed, FinishedChunk, Stages, Study, is_step};
-use crate::error::Result;
-use crate::row::{Columns, RunId, read};
-use crate::signals::Effect;
-use crate::statement::sql;
-use crate::tables::{Connected, Tables};
+use crate::database::error::Result;
+use crate::database::row::{Columns, RunId, read};
+use crate::database::signals::Effect;
+use crate::database::statement::sql;
+use crate::database::tables::{Connected, Tables};
+use crate::jobs::claimed::{Claim, Claimed, FinishedChunk, Stages, Study, is_step};
 
 /// Locks a study until the end of the transaction. Returns `None` if the run is no study.
 pub(super) async fn lock(tx: &mut Transaction<'_>, run: RunId) -> Result<Option<Study>> {

@@ -13,11 +13,11 @@ use parking_lot::Mutex;
 use sqlx::postgres::PgConnection;
 use tokio::sync::Notify;
 
-use crate::error::Result;
-use crate::row::RunId;
-use crate::signals::Effect;
-use crate::statement::sql;
-use crate::tables::Connected;
+use crate::database::error::Result;
+use crate::database::row::RunId;
+use crate::database::signals::Effect;
+use crate::database::statement::sql;
+use crate::database::tables::Connected;
 use fretwork_job::Key;
 
 /// The channel of the notifications.

@@ -2,10 +2,10 @@
 
 use std::sync::LazyLock;
 
-use crate::error::Result;
-use crate::keep::{Answered, COLUMNS, REPLACE, Source, outlined};
-use crate::statement::Statement;
-use crate::tables::{Connected, Tables};
+use crate::database::error::Result;
+use crate::database::statement::Statement;
+use crate::database::tables::{Connected, Tables};
+use crate::results::keep::{Answered, COLUMNS, REPLACE, Source, outlined};
 
 /// Stores a result with its body, task and outline, unless the key already has a result. If $1 is true, it replaces an
 /// evicted result. Returns a row if the result was stored.

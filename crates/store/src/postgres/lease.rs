@@ -13,11 +13,11 @@ use sqlx::postgres::PgConnection;
 
 use super::Node;
 use super::transaction::Transaction;
-use crate::claimed::Claimed;
-use crate::error::Result;
-use crate::row::{Columns, Part, RunId};
-use crate::statement::sql;
-use crate::tables::Connected;
+use crate::database::error::Result;
+use crate::database::row::{Columns, Part, RunId};
+use crate::database::statement::sql;
+use crate::database::tables::Connected;
+use crate::jobs::claimed::Claimed;
 
 /// A duration in milliseconds.
 pub(super) fn milliseconds(time: Duration) -> i64 {

@@ -37,11 +37,11 @@ use std::time::{Duration, Instant};
 use tokio::sync::{Semaphore, watch};
 use tokio::time::timeout;
 
-use super::error::{Error, Result};
-use super::row::{Columns, Row};
-use super::signals::Signals;
-use super::statement::{Statement, sql};
-use super::tables::{Most, Purpose, Tables};
+use crate::database::error::{Error, Result};
+use crate::database::row::{Columns, Row};
+use crate::database::signals::Signals;
+use crate::database::statement::{Statement, sql};
+use crate::database::tables::{Most, Purpose, Tables};
 
 use backlog::Backlog;
 use contact::Contact;

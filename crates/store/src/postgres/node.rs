@@ -13,10 +13,10 @@ use super::lease;
 use super::transaction::reading;
 use super::upkeep::Upkeep;
 use super::{Database, Parts, hints, schema};
-use crate::error::{Error, Result};
-use crate::options::Options;
-use crate::place::DatabaseUrl;
-use crate::signals::Signals;
+use crate::database::error::{Error, Result};
+use crate::database::options::Options;
+use crate::database::place::DatabaseUrl;
+use crate::database::signals::Signals;
 
 /// The queue is counted at this interval, for the metrics and the limit of the queue.
 const COUNT: Duration = Duration::from_secs(1);

@@ -11,12 +11,12 @@ use super::contact::Contact;
 use super::pool::Pool;
 use super::queue::Queue;
 use super::{Database, Node, Parts, node, schema};
-use crate::error::Result;
-use crate::library::Program;
-use crate::options::Options;
-use crate::place::DatabaseUrl;
-use crate::signals::Signals;
-use crate::tables::Lock;
+use crate::database::error::Result;
+use crate::database::options::Options;
+use crate::database::place::DatabaseUrl;
+use crate::database::signals::Signals;
+use crate::database::tables::Lock;
+use crate::results::library::Program;
 use fretwork_job::JobId;
 
 /// The number of connections for verbs.

@@ -15,15 +15,15 @@ use super::follow::{ended_by, follow};
 use super::lease;
 use super::queue::{Turns, Waiting};
 use super::transaction::{Transaction, reading};
-use crate::claimed::{Claim, Claimed};
-use crate::error::Result;
-use crate::keep::{self, Answered, Finish, Source};
-use crate::options::{MAX_LOST, Recovered};
-use crate::row::{Columns, Row, RunId};
-use crate::signals::Effect;
-use crate::statement::{Statement, sql};
-use crate::tables::{Connected, Tables};
-use crate::tally::Ending;
+use crate::database::error::Result;
+use crate::database::options::{MAX_LOST, Recovered};
+use crate::database::row::{Columns, Row, RunId};
+use crate::database::signals::Effect;
+use crate::database::statement::{Statement, sql};
+use crate::database::tables::{Connected, Tables};
+use crate::database::tally::Ending;
+use crate::jobs::claimed::{Claim, Claimed};
+use crate::results::keep::{self, Answered, Finish, Source};
 use fretwork_job::{ENGINE, FailureKind, JobState};
 
 /// Maximum number of attempts to claim a part. An attempt fails if other workers claim all the parts that it has found.

@@ -5,15 +5,15 @@ use std::time::{Duration, Instant};
 
 use super::transaction::Transaction;
 use super::{chunks, keep};
-use crate::error::{Error, Result};
-use crate::keep::Answered;
-use crate::read::read_job;
-use crate::row::{Columns, Row, RunId};
-use crate::signals::Effect;
-use crate::statement::sql;
-use crate::submit::{Admission, EncodedJob, Queued, Submitted};
-use crate::tables::{Connected, Tables};
-use crate::tally::Ending;
+use crate::database::error::{Error, Result};
+use crate::database::row::{Columns, Row, RunId};
+use crate::database::signals::Effect;
+use crate::database::statement::sql;
+use crate::database::tables::{Connected, Tables};
+use crate::database::tally::Ending;
+use crate::jobs::read::read_job;
+use crate::jobs::submit::{Admission, EncodedJob, Queued, Submitted};
+use crate::results::keep::Answered;
 use fretwork_job::{ENGINE, JobState, Origin};
 
 /// Maximum number of attempts of a submission. An attempt fails if another server ends or queues the run of the key at

@@ -7,10 +7,10 @@ use tokio::time::timeout;
 
 use super::pool::Borrowed;
 use super::{Database, PATIENCE, Parts, hints};
-use crate::change::{Change, Verb};
-use crate::error::{Doing, Error, Result};
-use crate::signals::Effect;
-use crate::tables::Connected;
+use crate::database::change::{Change, Verb};
+use crate::database::error::{Doing, Error, Result};
+use crate::database::signals::Effect;
+use crate::database::tables::Connected;
 
 /// Maximum number of retries of a verb after conflicts with other transactions.
 const CONFLICTS: u32 = 10;
@@ -148,13 +148,13 @@ macro_rules! reading {
         reading!($database, pool, $db => $query)
     };
     ($database:expr, $pool:ident, $db:ident => $query:expr) => {{
-        use $crate::error::Error;
+        use $crate::database::error::Error;
         let database: &Database = $database;
         let attempts = async {
             loop {
                 let mut borrowed = database.0.$pool.get().await?;
                 let $db = borrowed.connection();
-                let answer: $crate::error::Result<_> = async { $query }.await;
+                let answer: $crate::database::error::Result<_> = async { $query }.await;
                 match answer {
                     Err(Error::Unreachable(_)) if !borrowed.is_new => {}
                     Err(error @ Error::Unreachable(_)) => return Err(error),

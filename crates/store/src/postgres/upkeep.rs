@@ -4,16 +4,16 @@ use std::time::{Duration, Instant};
 
 use super::Database;
 use super::transaction::{Transaction, reading};
-use crate::ages::AgeClock;
-use crate::change::Verb;
-use crate::error::Result;
-use crate::keep;
-use crate::options::Options;
-use crate::row::Columns;
-use crate::signals::Effect;
-use crate::statement::{Statement, sql};
-use crate::tables::{Connected, Lock, Tables};
-use crate::upkeep;
+use crate::database::change::Verb;
+use crate::database::error::Result;
+use crate::database::options::Options;
+use crate::database::row::Columns;
+use crate::database::signals::Effect;
+use crate::database::statement::{Statement, sql};
+use crate::database::tables::{Connected, Lock, Tables};
+use crate::jobs::ages::AgeClock;
+use crate::jobs::upkeep;
+use crate::results::keep;
 use fretwork_job::Key;
 
 /// Maximum time between two cleanings, and between two sums of the sizes of all results.

@@ -1,15 +1,15 @@
 //! Canceling jobs.
 
 use super::transaction::Transaction;
-use crate::audit::{Act, Actor, record};
-use crate::cancel::Canceled;
-use crate::error::Result;
-use crate::read;
-use crate::row::{Columns, RunId};
-use crate::signals::Effect;
-use crate::statement::sql;
-use crate::tables::{Connected, Tables};
-use crate::tally::Ending;
+use crate::database::error::Result;
+use crate::database::row::{Columns, RunId};
+use crate::database::signals::Effect;
+use crate::database::statement::sql;
+use crate::database::tables::{Connected, Tables};
+use crate::database::tally::Ending;
+use crate::jobs::cancel::Canceled;
+use crate::jobs::read;
+use crate::team::audit::{Act, Actor, record};
 use fretwork_job::{JobId, JobState};
 
 /// Cancels a job, and its run if no other unfinished job shares it.

@@ -7,7 +7,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::error::{Error, Result};
+use crate::database::error::{Error, Result};
 
 /// The device and the number of a file.
 type Identity = (u64, u64);

@@ -6,10 +6,10 @@ use std::sync::LazyLock;
 use sqlx::SqliteConnection;
 
 use super::outline;
-use crate::error::Result;
-use crate::keep::{Answered, COLUMNS, REPLACE, Source};
-use crate::statement::Statement;
-use crate::tables::Connected;
+use crate::database::error::Result;
+use crate::database::statement::Statement;
+use crate::database::tables::Connected;
+use crate::results::keep::{Answered, COLUMNS, REPLACE, Source};
 
 /// Why a result is stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

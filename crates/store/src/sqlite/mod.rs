@@ -27,12 +27,12 @@ use std::time::Duration;
 
 use tokio::sync::{Semaphore, mpsc};
 
-use super::change::Verb;
-use super::error::{Error, Result};
-use super::row::{Columns, Row};
-use super::signals::Signals;
-use super::statement::{Statement, sql};
-use super::tables::{Most, Purpose, Tables};
+use crate::database::change::Verb;
+use crate::database::error::{Error, Result};
+use crate::database::row::{Columns, Row};
+use crate::database::signals::Signals;
+use crate::database::statement::{Statement, sql};
+use crate::database::tables::{Most, Purpose, Tables};
 use fretwork_job::clock::now;
 
 use readers::Readers;
@@ -119,8 +119,8 @@ impl Database {
 mod tests {
     use super::*;
     use crate::Options;
-    use crate::library::Provenance;
-    use crate::search::{Search, page};
+    use crate::results::library::Provenance;
+    use crate::results::search::{Search, page};
     use fretwork_job::Key;
     use open::{READERS, SCANS};
 

@@ -3,12 +3,12 @@
 use serde_json::{Value, json};
 use sqlx::SqliteConnection;
 
-use crate::body::Body;
-use crate::error::{Error, Result};
-use crate::keep::outlined;
-use crate::row::Columns;
-use crate::statement::{Statement, sql};
-use crate::tables::{Connected, Tables};
+use crate::database::body::Body;
+use crate::database::error::{Error, Result};
+use crate::database::row::Columns;
+use crate::database::statement::{Statement, sql};
+use crate::database::tables::{Connected, Tables};
+use crate::results::keep::outlined;
 use fretwork_job::{Document, Key, Outline, TaskKind, asked_in};
 
 /// The statement that writes the outline of a stored result, and replaces an older outline. `which` is a condition that

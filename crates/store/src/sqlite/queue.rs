@@ -16,11 +16,11 @@ use std::collections::{BTreeMap, HashMap};
 
 use sqlx::SqliteConnection;
 
-use crate::claimed::{Stages, Study};
-use crate::error::Result;
-use crate::row::{Columns as _, Part, RunId, read};
-use crate::statement::sql;
-use crate::tables::Tables as _;
+use crate::database::error::Result;
+use crate::database::row::{Columns as _, Part, RunId, read};
+use crate::database::statement::sql;
+use crate::database::tables::Tables as _;
+use crate::jobs::claimed::{Stages, Study};
 use fretwork_job::JobId;
 
 /// The position of a job in the lane of its owner: the priority, whether the run is a study, and the id. Ids are

@@ -9,15 +9,15 @@ use super::keep::{Reason, keeping};
 use super::queue::Queue;
 use super::transaction::Transaction;
 use super::{Database, chunks};
-use crate::claimed::{Claim, Claimed};
-use crate::error::Result;
-use crate::keep::{self, Answered, Finish, Source};
-use crate::options::{MAX_LOST, Recovered};
-use crate::row::{Columns, RunId};
-use crate::signals::Effect;
-use crate::statement::{Statement, sql};
-use crate::tables::{Connected, Tables};
-use crate::tally::Ending;
+use crate::database::error::Result;
+use crate::database::options::{MAX_LOST, Recovered};
+use crate::database::row::{Columns, RunId};
+use crate::database::signals::Effect;
+use crate::database::statement::{Statement, sql};
+use crate::database::tables::{Connected, Tables};
+use crate::database::tally::Ending;
+use crate::jobs::claimed::{Claim, Claimed};
+use crate::results::keep::{self, Answered, Finish, Source};
 use fretwork_job::{FailureKind, Key};
 
 impl Database {

@@ -6,16 +6,16 @@ use std::time::Duration;
 
 use super::keep::{Reason, keeping};
 use super::transaction::Transaction;
-use crate::claimed::Stages;
-use crate::error::Result;
-use crate::keep::Answered;
-use crate::read::read_job;
-use crate::row::{Columns, Row, RunId, checksum};
-use crate::signals::Effect;
-use crate::statement::{Statement, sql};
-use crate::submit::{Admission, EncodedJob, Queued, Submitted};
-use crate::tables::{Connected, Tables};
-use crate::tally::Ending;
+use crate::database::error::Result;
+use crate::database::row::{Columns, Row, RunId, checksum};
+use crate::database::signals::Effect;
+use crate::database::statement::{Statement, sql};
+use crate::database::tables::{Connected, Tables};
+use crate::database::tally::Ending;
+use crate::jobs::claimed::Stages;
+use crate::jobs::read::read_job;
+use crate::jobs::submit::{Admission, EncodedJob, Queued, Submitted};
+use crate::results::keep::Answered;
 use fretwork_job::{JobState, Origin};
 
 impl EncodedJob {

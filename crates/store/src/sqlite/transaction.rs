@@ -3,9 +3,9 @@
 use sqlx::SqliteConnection;
 
 use super::queue::Queue;
-use crate::change::Change;
-use crate::signals::Effect;
-use crate::tables::Connection;
+use crate::database::change::Change;
+use crate::database::signals::Effect;
+use crate::database::tables::Connection;
 
 /// The connection of the writer task while a transaction is open.
 pub(crate) struct Transaction {

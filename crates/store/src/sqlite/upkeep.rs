@@ -10,13 +10,13 @@ use std::time::{Duration, Instant};
 use sqlx::SqliteConnection;
 
 use super::transaction::Transaction;
-use crate::ages::AgeClock;
-use crate::cancel::{delete_job, delete_unnamed};
-use crate::error::Result;
-use crate::row::{Columns, RunId};
-use crate::signals::Effect;
-use crate::statement::{Statement, sql};
-use crate::tables::{Connected, Tables};
+use crate::database::error::Result;
+use crate::database::row::{Columns, RunId};
+use crate::database::signals::Effect;
+use crate::database::statement::{Statement, sql};
+use crate::database::tables::{Connected, Tables};
+use crate::jobs::ages::AgeClock;
+use crate::jobs::cancel::{delete_job, delete_unnamed};
 use fretwork_job::Key;
 
 /// The writer task counts as idle after this time without a message.

@@ -13,10 +13,10 @@ use super::log::{self, Log};
 use super::queue::Queue;
 use super::transaction::Transaction;
 use super::upkeep::{self, CHUNKS, Room, Upkeep, delete_old, make_room, write_clock, write_reads};
-use crate::change::{Shared, Verb};
-use crate::error::{Error, Result};
-use crate::signals::{READ_AT_ONCE, Signals};
-use crate::upkeep::{delete_chunks, forget_evicted};
+use crate::database::change::{Shared, Verb};
+use crate::database::error::{Error, Result};
+use crate::database::signals::{READ_AT_ONCE, Signals};
+use crate::jobs::upkeep::{delete_chunks, forget_evicted};
 use fretwork_job::clock::now;
 
 /// Maximum number of messages that wait for the writer task. Senders of further messages wait.
@@ -404,7 +404,7 @@ mod tests {
     use sqlx::SqliteConnection;
 
     use super::*;
-    use crate::ages::AgeClock;
+    use crate::jobs::ages::AgeClock;
     use crate::sqlite::schema::migrate;
 
     /// Inserts a row of this number and size. Counts its calls.

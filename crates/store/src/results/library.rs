@@ -2,10 +2,10 @@
 
 use serde_json::Value;
 
-use super::error::{Error, Result};
-use super::row::{Columns, Row, read};
-use super::statement::{Statement, sql};
-use super::tables::{Connected, Tables};
+use crate::database::error::{Error, Result};
+use crate::database::row::{Columns, Row, read};
+use crate::database::statement::{Statement, sql};
+use crate::database::tables::{Connected, Tables};
 use fretwork_job::{Canonical, ENGINE, JobId, Key, Verified};
 
 /// What a user wrote about a result.
@@ -36,7 +36,7 @@ impl Note {
     }
 
     /// Reads the columns `note`, `noted_by` and `noted`.
-    pub(super) fn read(row: &Row) -> sqlx::Result<Option<Self>> {
+    pub(crate) fn read(row: &Row) -> sqlx::Result<Option<Self>> {
         let Some(text) = row.get("note")? else { return Ok(None) };
         Ok(Some(Self { text, owner: row.get("noted_by")?, at: row.get("noted")? }))
     }
@@ -88,11 +88,11 @@ pub struct Provenance {
 }
 
 impl Provenance {
-    pub(super) async fn of(key: &Key, mut db: impl Tables) -> Result<Option<Self>> {
+    pub(crate) async fn of(key: &Key, mut db: impl Tables) -> Result<Option<Self>> {
         Ok(db.row(Self::query(key)).await?.as_ref().map(Self::read).transpose()?)
     }
 
-    pub(super) fn query(key: &Key) -> Statement {
+    pub(crate) fn query(key: &Key) -> Statement {
         sql!(
             "SELECT result.key AS key, created, result.owner AS owner, computed, wall, cpu, job, trace,
                  warnings, pinned, pinned_by, last_access, evicted, deleted_by, size, digest, imported, imported_from, verified,
@@ -151,7 +151,7 @@ pub struct Program {
 
 impl Program {
     /// This program on this machine.
-    pub(super) fn this() -> Self {
+    pub(crate) fn this() -> Self {
         #[cfg(unix)]
         let host = rustix::system::uname().nodename().to_string_lossy().into_owned();
         #[cfg(not(unix))]
@@ -167,7 +167,7 @@ impl Program {
     }
 
     /// The id of the row of this program. Inserts the row if necessary.
-    pub(super) async fn id(&self, db: &mut impl Connected) -> Result<i64> {
+    pub(crate) async fn id(&self, db: &mut impl Connected) -> Result<i64> {
         let Self { version, numerics, host, architecture, processors } = self;
         let insert = sql!(
             "INSERT INTO program (version, numerics, host, architecture, processors)
@@ -204,7 +204,7 @@ pub struct Known {
 }
 
 impl Known {
-    pub(super) async fn of(key: &Key, mut db: impl Tables) -> Result<Option<Self>> {
+    pub(crate) async fn of(key: &Key, mut db: impl Tables) -> Result<Option<Self>> {
         let query = sql!(
             "SELECT task, summary, numerics, evicted IS NULL AS held
              FROM result JOIN result_task USING (key)

@@ -2,24 +2,24 @@
 
 use std::future::Future;
 
-use super::error::Result;
-use super::row::Columns as _;
-use super::signals::Effect;
-use super::statement::sql;
-use super::tables::{Connected, Connection, Tables as _};
+use crate::database::error::Result;
+use crate::database::row::Columns as _;
+use crate::database::signals::Effect;
+use crate::database::statement::sql;
+use crate::database::tables::{Connected, Connection, Tables as _};
 
 /// An open transaction of either database.
-pub(super) struct Change<'a> {
-    pub(super) db: Connection<'a>,
+pub(crate) struct Change<'a> {
+    pub(crate) db: Connection<'a>,
     /// The time of the transaction in SQLite. PostgreSQL is asked for it, which takes as long as a short statement.
-    pub(super) now: Option<i64>,
+    pub(crate) now: Option<i64>,
     /// The signals that are sent after the commit.
-    pub(super) effects: &'a mut Vec<Effect>,
+    pub(crate) effects: &'a mut Vec<Effect>,
 }
 
 impl Change<'_> {
     /// The time of the transaction, in milliseconds since 1970.
-    pub(super) async fn now(&mut self) -> Result<i64> {
+    pub(crate) async fn now(&mut self) -> Result<i64> {
         match self.now {
             Some(now) => Ok(now),
             None => Ok(self.one(sql!("SELECT moment() AS now")).await?.get("now")?),
@@ -35,7 +35,7 @@ impl Connected for Change<'_> {
 
 /// Adapts a verb that takes a [`Change`], so that it takes the transaction of one of the two databases.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Shared<V>(pub(super) V);
+pub(crate) struct Shared<V>(pub(crate) V);
 
 impl<'a, 'tx, Input, V, Tx> Verb<'a, Input, &'tx mut Tx> for Shared<V>
 where
@@ -54,7 +54,7 @@ where
 /// A function that changes the database in a transaction `Tx`.
 ///
 /// It may be called again after a rollback. So it must not keep state between calls.
-pub(super) trait Verb<'a, Input: 'a, Tx>: Copy + Send + Sync + 'static {
+pub(crate) trait Verb<'a, Input: 'a, Tx>: Copy + Send + Sync + 'static {
     type Answer;
     type Done: Future<Output = Result<Self::Answer>> + Send;
 

@@ -1,13 +1,13 @@
 //! What requests to cancel or delete a job do.
 
-use super::audit::{Act, Actor, record};
-use super::change::Change;
-use super::error::Result;
-use super::read;
-use super::row::{Columns, RunId};
-use super::signals::Effect;
-use super::statement::sql;
-use super::tables::{Connected, Tables};
+use crate::database::change::Change;
+use crate::database::error::Result;
+use crate::database::row::{Columns, RunId};
+use crate::database::signals::Effect;
+use crate::database::statement::sql;
+use crate::database::tables::{Connected, Tables};
+use crate::jobs::read;
+use crate::team::audit::{Act, Actor, record};
 use fretwork_job::{Job, JobId, JobState};
 
 /// What a request to cancel a job did.
@@ -33,7 +33,7 @@ pub enum Deleted {
 }
 
 /// Deletes a job that has ended.
-pub(super) async fn delete((id, by): &(JobId, Actor), mut tx: Change<'_>) -> Result<Deleted> {
+pub(crate) async fn delete((id, by): &(JobId, Actor), mut tx: Change<'_>) -> Result<Deleted> {
     let Some(job) = read::job(*id, &mut tx).await? else { return Ok(Deleted::NotFound) };
     if !job.state.is_finished() {
         return Ok(Deleted::Unfinished(job.state));
@@ -52,7 +52,7 @@ pub(super) async fn delete((id, by): &(JobId, Actor), mut tx: Change<'_>) -> Res
 }
 
 /// Deletes a finished job. Also deletes its run if the run has ended and has no other job.
-pub(super) async fn delete_job(id: &[u8], tx: &mut impl Connected) -> Result<()> {
+pub(crate) async fn delete_job(id: &[u8], tx: &mut impl Connected) -> Result<()> {
     let deleted = tx.row(sql!("DELETE FROM job WHERE id = $1 RETURNING run"; id)).await?;
     let run = deleted.map(|row| row.get::<Option<i64>>("run")).transpose()?.flatten();
     match run {
@@ -62,7 +62,7 @@ pub(super) async fn delete_job(id: &[u8], tx: &mut impl Connected) -> Result<()>
 }
 
 /// Deletes a run if it is finished and has no jobs.
-pub(super) async fn delete_unnamed(run: RunId, tx: &mut impl Connected) -> Result<()> {
+pub(crate) async fn delete_unnamed(run: RunId, tx: &mut impl Connected) -> Result<()> {
     let delete = sql!(
         "DELETE FROM run WHERE id = $1 AND finished IS NOT NULL
              AND NOT EXISTS (SELECT 1 FROM job WHERE run = $1)";

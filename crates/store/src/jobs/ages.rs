@@ -8,7 +8,7 @@ use fretwork_job::clock::now;
 ///
 /// It follows the system clock. But it advances only while the server runs, at most twice as fast as real time. So
 /// nothing is deleted because the system clock has jumped ahead. After a pause of the server, it catches up slowly.
-pub(super) struct AgeClock {
+pub(crate) struct AgeClock {
     time: i64,
     /// When the clock was last advanced.
     read: Instant,
@@ -20,12 +20,12 @@ pub(super) struct AgeClock {
 const STORE_CLOCK: i64 = 10 * 60 * 1000;
 
 impl AgeClock {
-    pub(super) fn at(stored: Option<i64>) -> Self {
+    pub(crate) fn at(stored: Option<i64>) -> Self {
         Self { time: stored.unwrap_or_else(now), read: Instant::now(), stored: stored.unwrap_or(0) }
     }
 
     /// Advances towards the time of the system clock. Returns the earlier one of the two times.
-    pub(super) fn advance(&mut self, system: i64) -> i64 {
+    pub(crate) fn advance(&mut self, system: i64) -> i64 {
         let passed = i64::try_from(self.read.elapsed().as_millis()).unwrap_or(i64::MAX);
         self.read = Instant::now();
         self.time = self.time.max(system.min(self.time.saturating_add(passed.saturating_mul(2))));
@@ -33,7 +33,7 @@ impl AgeClock {
     }
 
     /// The time, if it must be stored now. The caller stores it.
-    pub(super) fn unstored(&mut self) -> Option<i64> {
+    pub(crate) fn unstored(&mut self) -> Option<i64> {
         let due = (self.time - self.stored).abs() >= STORE_CLOCK;
         due.then(|| {
             self.stored = self.time;

@@ -2,15 +2,15 @@
 
 use sha2::{Digest, Sha256};
 
-use super::audit::{Act, Actor, record};
-use super::body::Body;
-use super::change::Change;
-use super::error::Result;
-use super::row::{Columns, Row};
-use super::search::names;
-use super::signals::Effect;
-use super::statement::{Statement, sql};
-use super::tables::{Connected, Lock, Tables};
+use crate::database::body::Body;
+use crate::database::change::Change;
+use crate::database::error::Result;
+use crate::database::row::{Columns, Row};
+use crate::database::signals::Effect;
+use crate::database::statement::{Statement, sql};
+use crate::database::tables::{Connected, Lock, Tables};
+use crate::results::search::names;
+use crate::team::audit::{Act, Actor, record};
 use fretwork_job::{Answer, Cost, JobId, Key, Outline, Recomputed};
 
 /// What happened to the result of a run.
@@ -40,14 +40,14 @@ pub enum Removed {
 /// A result to be stored, already compressed and hashed. The writer task has no time for that.
 #[derive(Debug)]
 pub struct Answered {
-    pub(super) body: Body,
+    pub(crate) body: Body,
     /// Number of bytes of the JSON.
-    pub(super) size: usize,
-    pub(super) summary: String,
-    pub(super) digest: [u8; 32],
-    pub(super) outline: Box<Outline>,
+    pub(crate) size: usize,
+    pub(crate) summary: String,
+    pub(crate) digest: [u8; 32],
+    pub(crate) outline: Box<Outline>,
     /// The cost of the computation; `None` if unknown.
-    pub(super) cost: Option<Cost>,
+    pub(crate) cost: Option<Cost>,
 }
 
 impl Answered {
@@ -98,14 +98,14 @@ pub struct Editor {
 }
 
 impl Editor {
-    pub(super) fn may_change(&self, owner: Option<&str>) -> bool {
+    pub(crate) fn may_change(&self, owner: Option<&str>) -> bool {
         self.may_change_all || owner == Some(&self.owner)
     }
 }
 
 /// Maximum size of the pinned results, in bytes.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct PinQuota {
+pub(crate) struct PinQuota {
     /// Of one owner.
     owner: u64,
     /// Of all owners together; `None` without a limit.
@@ -114,7 +114,7 @@ pub(super) struct PinQuota {
 
 impl PinQuota {
     /// The quota of one owner is `owner`. All owners together may pin half of the budget.
-    pub(super) fn new(owner: u64, budget: Option<u64>) -> Self {
+    pub(crate) fn new(owner: u64, budget: Option<u64>) -> Self {
         let all = budget.map(|budget| budget / 2);
         Self { owner: all.map_or(owner, |all| owner.min(all)), all }
     }
@@ -130,7 +130,7 @@ impl PinQuota {
 }
 
 /// Pins a result within the quota, or unpins it.
-pub(super) async fn pin(
+pub(crate) async fn pin(
     (key, pinned, editor, quota): &(Key, bool, Editor, PinQuota),
     mut tx: Change<'_>,
 ) -> Result<Changed> {
@@ -169,7 +169,7 @@ pub(super) async fn pin(
 }
 
 /// Writes the note of a result, or removes it. The result may be evicted.
-pub(super) async fn annotate(
+pub(crate) async fn annotate(
     (key, text, editor): &(Key, Option<String>, Editor),
     mut tx: Change<'_>,
 ) -> Result<Changed> {
@@ -195,7 +195,7 @@ pub(super) async fn annotate(
 }
 
 /// Deletes the body of a result. Its scenario and its jobs stay.
-pub(super) async fn remove((key, by): &(Key, Actor), mut tx: Change<'_>) -> Result<Removed> {
+pub(crate) async fn remove((key, by): &(Key, Actor), mut tx: Change<'_>) -> Result<Removed> {
     let query = sql!(
         "SELECT evicted IS NULL AS held, pinned, owner FROM result WHERE key = $1"
         ["" | " FOR NO KEY UPDATE"] "";
@@ -218,7 +218,7 @@ pub(super) async fn remove((key, by): &(Key, Actor), mut tx: Change<'_>) -> Resu
 }
 
 /// Deletes the body of a result, and keeps its scenario. `deleted_by` is `None` if the result is evicted to free space.
-pub(super) async fn evict(
+pub(crate) async fn evict(
     key: &[u8],
     now: i64,
     deleted_by: Option<&str>,
@@ -237,28 +237,28 @@ pub(super) async fn evict(
 }
 
 /// The provenance of a result to be stored.
-pub(super) struct Source<'a> {
-    pub(super) key: Key,
-    pub(super) task: &'a str,
+pub(crate) struct Source<'a> {
+    pub(crate) key: Key,
+    pub(crate) task: &'a str,
     /// The owner of the result. For the result of a run, SQLite reads `owner`, `job` and `warnings` from the tables.
-    pub(super) owner: Option<&'a str>,
-    pub(super) job: Option<JobId>,
+    pub(crate) owner: Option<&'a str>,
+    pub(crate) job: Option<JobId>,
     /// The warnings of the submission, as JSON.
-    pub(super) warnings: Option<&'a str>,
-    pub(super) trace: Option<&'a str>,
+    pub(crate) warnings: Option<&'a str>,
+    pub(crate) trace: Option<&'a str>,
     /// The id of a row in the table `program`.
-    pub(super) program: Option<i64>,
-    pub(super) now: i64,
+    pub(crate) program: Option<i64>,
+    pub(crate) now: i64,
 }
 
 /// The columns of a result, in the order of the first values of [`Statement::with_result`].
-pub(super) const COLUMNS: &str =
+pub(crate) const COLUMNS: &str =
     "(key, size, stored, summary, digest, created, last_access, computed, checksum,
     owner, job, warnings, trace, wall, cpu, program)";
 
 /// Ends a statement that inserts a result. If the key already has a result `old`, the new one replaces it under the
 /// condition that the caller appends.
-pub(super) const REPLACE: &str = "ON CONFLICT (key) DO UPDATE SET size = excluded.size, stored = excluded.stored,
+pub(crate) const REPLACE: &str = "ON CONFLICT (key) DO UPDATE SET size = excluded.size, stored = excluded.stored,
     summary = excluded.summary, digest = excluded.digest, last_access = excluded.last_access,
     computed = excluded.computed, checksum = excluded.checksum, owner = excluded.owner, job = excluded.job,
     warnings = excluded.warnings, trace = excluded.trace, wall = excluded.wall, cpu = excluded.cpu,
@@ -267,7 +267,7 @@ pub(super) const REPLACE: &str = "ON CONFLICT (key) DO UPDATE SET size = exclude
 
 impl Statement {
     /// Adds the values of a result: 15 of its row, body and task, and those of its outline.
-    pub(super) fn with_result(self, answered: &Answered, source: &Source<'_>) -> Self {
+    pub(crate) fn with_result(self, answered: &Answered, source: &Source<'_>) -> Self {
         let Answered { body, size, summary, digest, outline, cost } = answered;
         let row = self
             .with(source.key)
@@ -289,7 +289,7 @@ impl Statement {
     }
 
     /// Adds the values of the words and numbers of an outline.
-    pub(super) fn with_outline(self, outline: &Outline) -> Self {
+    pub(crate) fn with_outline(self, outline: &Outline) -> Self {
         let words = outline.words.iter().fold(self, |query, word| query.with(word.as_deref()));
         outline.scalars.iter().fold(words, |query, number| query.with(*number))
     }
@@ -297,7 +297,7 @@ impl Statement {
 
 /// Three parts of a statement that inserts an outline: its columns; their parameters, from `$first` on; and the
 /// assignments that replace the columns of an existing outline.
-pub(super) fn outlined(first: usize) -> [String; 3] {
+pub(crate) fn outlined(first: usize) -> [String; 3] {
     let columns: Vec<_> = names().collect();
     let values: Vec<_> = (first..first + columns.len()).map(|place| format!("${place}")).collect();
     let changes: Vec<_> = columns.iter().map(|name| format!("{name} = excluded.{name}")).collect();
@@ -306,7 +306,7 @@ pub(super) fn outlined(first: usize) -> [String; 3] {
 
 /// Decides what happened to the result of a run. The row says whether the key had the `same` result before, and whether
 /// the body of that result was `held`. Both are null if the key had no result.
-pub(super) async fn kept(
+pub(crate) async fn kept(
     answered: &Answered,
     key: Key,
     row: &Row,

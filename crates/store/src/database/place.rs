@@ -149,24 +149,24 @@ impl fmt::Debug for DatabaseUrl {
 
 impl DatabaseUrl {
     /// Options of a connection without timeouts, for migrations.
-    pub(super) fn patient(&self) -> PgConnectOptions {
+    pub(crate) fn patient(&self) -> PgConnectOptions {
         let name = concat!("fretwork ", env!("CARGO_PKG_VERSION"));
         (*self.0).clone().application_name(name).options([("client_min_messages", "warning")])
     }
 
     /// Options of the connection that waits for notifications.
-    pub(super) fn listening(&self) -> PgConnectOptions {
+    pub(crate) fn listening(&self) -> PgConnectOptions {
         self.patient()
     }
 
     /// Options of a connection whose statements fail after the time `longest`. The caller tries again later.
-    pub(super) fn hasty(&self, longest: Duration) -> PgConnectOptions {
+    pub(crate) fn hasty(&self, longest: Duration) -> PgConnectOptions {
         let longest = format!("{}ms", longest.as_millis().max(1));
         self.options().options(["statement_timeout", "lock_timeout"].map(|name| (name, &longest)))
     }
 
     /// Options of the connections for verbs. The timeouts release the locks of a server that hangs in a transaction.
-    pub(super) fn options(&self) -> PgConnectOptions {
+    pub(crate) fn options(&self) -> PgConnectOptions {
         self.patient().options([
             ("statement_timeout", "30s"),
             ("lock_timeout", "10s"),

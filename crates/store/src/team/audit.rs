@@ -4,10 +4,10 @@
 //! cancels in one day share an entry, too, and so do those that it deletes. So no client can fill the log with ordinary
 //! requests.
 
-use super::error::Result;
-use super::row::{Columns, Row, cells, read};
-use super::statement::sql;
-use super::tables::{Connected, Tables};
+use crate::database::error::Result;
+use crate::database::row::{Columns, Row, cells, read};
+use crate::database::statement::sql;
+use crate::database::tables::{Connected, Tables};
 use fretwork_job::words;
 
 words! {
@@ -79,7 +79,7 @@ impl AuditEntry {
 }
 
 /// Records an act in the open transaction. `owner` is the owner of the subject.
-pub(super) async fn record(
+pub(crate) async fn record(
     tx: &mut impl Connected,
     now: i64,
     (actor, act): (&Actor, Act),
@@ -100,7 +100,7 @@ pub(super) async fn record(
 }
 
 /// Up to `limit` entries, the newest first. With `before`, only entries with smaller ids.
-pub(super) async fn list(
+pub(crate) async fn list(
     before: Option<i64>,
     limit: u32,
     mut db: impl Tables,

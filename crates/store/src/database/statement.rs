@@ -8,12 +8,12 @@ use sqlx::query::Query;
 use sqlx::sqlite::SqliteArguments;
 use sqlx::{AssertSqlSafe, Postgres, Sqlite};
 
-use super::row::RunId;
+use crate::database::row::RunId;
 use fretwork_job::{JobId, Key};
 
 /// A statement with the values of its parameters `$1`, `$2` and so on.
 #[derive(Debug, Clone)]
-pub(super) struct Statement {
+pub(crate) struct Statement {
     sqlite: Cow<'static, str>,
     postgres: Cow<'static, str>,
     values: Vec<Value>,
@@ -25,18 +25,18 @@ pub(super) struct Statement {
 /// `sql!("SELECT " ["max" | "greatest"] "(a, b)")`. Both statements are composed at compile time.
 macro_rules! sql {
     ($first:literal $([$sqlite:literal | $postgres:literal] $next:literal)* $(; $($value:expr),* $(,)?)?) => {
-        $crate::statement::Statement::new(
+        $crate::database::statement::Statement::new(
             concat!($first $(, $sqlite, $next)*),
             concat!($first $(, $postgres, $next)*),
         )$($(.with($value))*)?
     };
 }
 
-pub(super) use sql;
+pub(crate) use sql;
 
 /// A value of a parameter, or null.
 #[derive(Debug, Clone)]
-pub(super) enum Value {
+pub(crate) enum Value {
     Integer(Option<i64>),
     Real(Option<f64>),
     Truth(Option<bool>),
@@ -93,35 +93,35 @@ macro_rules! bind {
 }
 
 impl Statement {
-    pub(super) fn new(sqlite: &'static str, postgres: &'static str) -> Self {
+    pub(crate) fn new(sqlite: &'static str, postgres: &'static str) -> Self {
         Self { sqlite: sqlite.into(), postgres: postgres.into(), values: Vec::new() }
     }
 
     /// A statement with the same text for both databases, such as one that only one database executes.
-    pub(super) fn of(text: impl Into<Cow<'static, str>>) -> Self {
+    pub(crate) fn of(text: impl Into<Cow<'static, str>>) -> Self {
         let text = text.into();
         Self { sqlite: text.clone(), postgres: text, values: Vec::new() }
     }
 
     /// Adds the value of the next parameter. The text already contains the parameter.
-    pub(super) fn with(mut self, value: impl Into<Value>) -> Self {
+    pub(crate) fn with(mut self, value: impl Into<Value>) -> Self {
         self.values.push(value.into());
         self
     }
 
-    pub(super) fn push(&mut self, text: &str) -> &mut Self {
+    pub(crate) fn push(&mut self, text: &str) -> &mut Self {
         self.push_either(text, text)
     }
 
     /// Adds text that differs between SQLite and PostgreSQL.
-    pub(super) fn push_either(&mut self, sqlite: &str, postgres: &str) -> &mut Self {
+    pub(crate) fn push_either(&mut self, sqlite: &str, postgres: &str) -> &mut Self {
         self.sqlite.to_mut().push_str(sqlite);
         self.postgres.to_mut().push_str(postgres);
         self
     }
 
     /// Adds a parameter to the text, and its value.
-    pub(super) fn push_bind(&mut self, value: impl Into<Value>) -> &mut Self {
+    pub(crate) fn push_bind(&mut self, value: impl Into<Value>) -> &mut Self {
         self.values.push(value.into());
         let place = self.values.len();
         for text in [&mut self.sqlite, &mut self.postgres] {
@@ -133,19 +133,19 @@ impl Statement {
 
     /// The statement that returns the query plan of SQLite for this statement.
     #[cfg(test)]
-    pub(super) fn explained(mut self) -> Self {
+    pub(crate) fn explained(mut self) -> Self {
         self.sqlite.to_mut().insert_str(0, "EXPLAIN QUERY PLAN ");
         self
     }
 
     /// The statement for SQLite.
-    pub(super) fn sqlite(self) -> Query<'static, Sqlite, SqliteArguments> {
+    pub(crate) fn sqlite(self) -> Query<'static, Sqlite, SqliteArguments> {
         let query = sqlx::query(AssertSqlSafe(self.sqlite));
         self.values.into_iter().fold(query, |query, value| bind!(query, value))
     }
 
     /// The statement for PostgreSQL.
-    pub(super) fn postgres(self) -> Query<'static, Postgres, PgArguments> {
+    pub(crate) fn postgres(self) -> Query<'static, Postgres, PgArguments> {
         let query = sqlx::query(AssertSqlSafe(self.postgres));
         self.values.into_iter().fold(query, |query, value| bind!(query, value))
     }

@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use super::statement::Statement;
+use crate::database::statement::Statement;
 
 /// The words of a search. Each word must occur in the label or a tag of a job, or in the note of its result. Upper and lower case
 /// are equal.
@@ -103,7 +103,7 @@ impl Statement {
     }
 
     /// Adds the condition on a job that it has all words.
-    pub(super) fn job_has_words(&mut self, words: &Words) {
+    pub(crate) fn job_has_words(&mut self, words: &Words) {
         if words.0.is_empty() {
             return;
         }
@@ -112,7 +112,7 @@ impl Statement {
     }
 
     /// Adds the condition on an outline that the note of the result, or a job with its label and tags, has all words.
-    pub(super) fn outline_has_words(&mut self, words: &Words, owner: Option<&str>) {
+    pub(crate) fn outline_has_words(&mut self, words: &Words, owner: Option<&str>) {
         if words.0.is_empty() {
             return;
         }

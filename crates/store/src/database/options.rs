@@ -66,4 +66,4 @@ pub struct Recovered {
 
 /// A run fails after this number of crashes of the process during its computation. For a study, only crashes during the
 /// same piece count.
-pub(super) const MAX_LOST: u32 = 3;
+pub(crate) const MAX_LOST: u32 = 3;

@@ -3,12 +3,12 @@
 
 use data_encoding::HEXLOWER;
 
-use super::change::Change;
-use super::error::{Error, Result};
-use super::keys::digest;
-use super::row::Columns;
-use super::statement::sql;
-use super::tables::{Connected, Tables};
+use crate::database::change::Change;
+use crate::database::error::{Error, Result};
+use crate::database::row::Columns;
+use crate::database::statement::sql;
+use crate::database::tables::{Connected, Tables};
+use crate::team::keys::digest;
 
 /// Lifetime of a session in milliseconds: a week.
 const LIFETIME: i64 = 7 * 24 * 3600 * 1000;
@@ -25,14 +25,14 @@ pub struct SignedIn {
 }
 
 /// A new random token.
-pub(super) fn token() -> Result<String> {
+pub(crate) fn token() -> Result<String> {
     let mut bytes = [0; 32];
     getrandom::fill(&mut bytes).map_err(|_| Error::NoRandomness)?;
     Ok(HEXLOWER.encode(&bytes))
 }
 
 /// Stores a new session, and deletes the expired ones.
-pub(super) async fn begin((token, by): &(String, SignedIn), mut tx: Change<'_>) -> Result<()> {
+pub(crate) async fn begin((token, by): &(String, SignedIn), mut tx: Change<'_>) -> Result<()> {
     let now = tx.now().await?;
     tx.execute(sql!("DELETE FROM session WHERE expires <= $1"; now)).await?;
     let oldest = sql!(
@@ -49,7 +49,7 @@ pub(super) async fn begin((token, by): &(String, SignedIn), mut tx: Change<'_>) 
 }
 
 /// The key of the session whose token has this digest; `None` if there is no such session at this time.
-pub(super) async fn find(
+pub(crate) async fn find(
     digest: &[u8; 32],
     now: i64,
     mut db: impl Tables,
@@ -64,6 +64,6 @@ pub(super) async fn find(
 }
 
 /// Ends the session whose token has this digest, if there is one.
-pub(super) async fn end(digest: &[u8; 32], mut tx: Change<'_>) -> Result<()> {
+pub(crate) async fn end(digest: &[u8; 32], mut tx: Change<'_>) -> Result<()> {
     tx.execute(sql!("DELETE FROM session WHERE digest = $1"; digest)).await
 }

@@ -10,18 +10,18 @@ use sqlx::postgres::PgRow;
 use sqlx::sqlite::SqliteRow;
 use xxhash_rust::xxh3::xxh3_64;
 
-use super::body::Body;
+use crate::database::body::Body;
 use fretwork_job::{Change, FailureKind, JobId, JobState, Key, Origin, Recomputed, Verified};
 
 /// The id of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct RunId(pub(super) i64);
+pub struct RunId(pub(crate) i64);
 
 /// The part of a run that one worker computes: the whole run (`None`), or the piece of a study with this number.
-pub(super) type Part = (RunId, Option<u32>);
+pub(crate) type Part = (RunId, Option<u32>);
 
 /// A row of a database. Each method reads a column of one SQL type, and returns `None` if the column is null.
-pub(super) trait Columns {
+pub(crate) trait Columns {
     fn integer(&self, column: &str) -> sqlx::Result<Option<i64>>;
     fn real(&self, column: &str) -> sqlx::Result<Option<f64>>;
     fn truth(&self, column: &str) -> sqlx::Result<Option<bool>>;
@@ -38,7 +38,7 @@ pub(super) trait Columns {
 }
 
 /// A row of either database.
-pub(super) enum Row {
+pub(crate) enum Row {
     Sqlite(SqliteRow),
     Postgres(PgRow),
 }
@@ -65,12 +65,12 @@ columns!(Row, self, column => match self {
 });
 
 /// A type that [`Columns::get`] can return. For a null column, an `Option` is `None`, and any other type is an error.
-pub(super) trait Cell<'r>: Sized {
+pub(crate) trait Cell<'r>: Sized {
     fn read(row: &'r impl Columns, column: &str) -> sqlx::Result<Self>;
 }
 
 /// Turns a failed conversion of a value into an error of sqlx.
-pub(super) fn decoded<T, E: Into<BoxDynError>>(
+pub(crate) fn decoded<T, E: Into<BoxDynError>>(
     value: Option<Result<T, E>>,
 ) -> sqlx::Result<Option<T>> {
     value.transpose().map_err(|error| sqlx::Error::Decode(error.into()))
@@ -79,14 +79,14 @@ pub(super) fn decoded<T, E: Into<BoxDynError>>(
 /// Implements [`Cell`] for types. A method of [`Columns`] reads the column, and a function converts the value.
 macro_rules! cells {
     ($($method:ident by $convert:path: $($kind:ty),+;)*) => { $($(
-        impl<'r> $crate::row::Cell<'r> for Option<$kind> {
-            fn read(row: &'r impl $crate::row::Columns, column: &str) -> sqlx::Result<Self> {
-                $crate::row::decoded(row.$method(column)?.map(|value| $convert(value)))
+        impl<'r> $crate::database::row::Cell<'r> for Option<$kind> {
+            fn read(row: &'r impl $crate::database::row::Columns, column: &str) -> sqlx::Result<Self> {
+                $crate::database::row::decoded(row.$method(column)?.map(|value| $convert(value)))
             }
         }
 
-        impl<'r> $crate::row::Cell<'r> for $kind {
-            fn read(row: &'r impl $crate::row::Columns, column: &str) -> sqlx::Result<Self> {
+        impl<'r> $crate::database::row::Cell<'r> for $kind {
+            fn read(row: &'r impl $crate::database::row::Columns, column: &str) -> sqlx::Result<Self> {
                 row.get::<Option<$kind>>(column)?.ok_or_else(|| {
                     sqlx::Error::Decode(format!("the column {column} has no value").into())
                 })
@@ -116,11 +116,11 @@ macro_rules! read {
     };
 }
 
-pub(super) use {cells, read};
+pub(crate) use {cells, read};
 
 /// The rows of a page, and the last one of them if there is a next page. To show that, `rows` has one row more than
 /// `limit`.
-pub(super) fn page_of(rows: &[Row], limit: u32) -> (&[Row], Option<&Row>) {
+pub(crate) fn page_of(rows: &[Row], limit: u32) -> (&[Row], Option<&Row>) {
     let page = &rows[..rows.len().min(limit as usize)];
     (page, page.last().filter(|_| page.len() < rows.len()))
 }
@@ -136,7 +136,7 @@ fn job_id(bytes: &[u8]) -> Result<JobId, uuid::Error> {
 }
 
 /// Reads the changes of a job, one per line: state, attempt, time.
-pub(super) fn changes(text: &str) -> Result<Vec<Change>, &'static str> {
+pub(crate) fn changes(text: &str) -> Result<Vec<Change>, &'static str> {
     let read = |line: &str| {
         let mut words = line.split(' ');
         Some(Change {
@@ -151,12 +151,12 @@ pub(super) fn changes(text: &str) -> Result<Vec<Change>, &'static str> {
 }
 
 /// A hash of a stored text, which detects damage.
-pub(super) fn checksum(text: &str) -> i64 {
+pub(crate) fn checksum(text: &str) -> i64 {
     xxh3_64(text.as_bytes()).cast_signed()
 }
 
 /// The hash of a body as it is stored.
-pub(super) enum Sum {
+pub(crate) enum Sum {
     Check(i64),
     /// Results that the first version of the program stored have only a SHA-256.
     Digest(Vec<u8>),
@@ -164,7 +164,7 @@ pub(super) enum Sum {
 
 impl Sum {
     /// Reads the columns `checksum` and `digest`.
-    pub(super) fn read(row: &impl Columns) -> sqlx::Result<Self> {
+    pub(crate) fn read(row: &impl Columns) -> sqlx::Result<Self> {
         Ok(match row.get::<Option<i64>>("checksum")? {
             Some(checksum) => Self::Check(checksum),
             None => Self::Digest(row.get("digest")?),
@@ -172,7 +172,7 @@ impl Sum {
     }
 
     /// Whether the body has this hash.
-    pub(super) fn is_of(&self, body: &Body) -> bool {
+    pub(crate) fn is_of(&self, body: &Body) -> bool {
         match self {
             Self::Check(sum) => body.checksum() == *sum,
             Self::Digest(digest) => *Sha256::digest(body.bytes()) == **digest,

@@ -24,7 +24,7 @@ pub struct Body(Bytes);
 
 impl Body {
     /// Compresses the JSON of a result.
-    pub(super) fn pack(json: &[u8]) -> io::Result<Self> {
+    pub(crate) fn pack(json: &[u8]) -> io::Result<Self> {
         thread_local! {
             /// One compressor per thread. To allocate its tables takes longer than to compress a short result.
             static COMPRESSOR: RefCell<Option<Compressor<'static>>> = const { RefCell::new(None) };
@@ -39,7 +39,7 @@ impl Body {
     }
 
     /// A body that was read from the database.
-    pub(super) fn stored(bytes: Vec<u8>) -> Self {
+    pub(crate) fn stored(bytes: Vec<u8>) -> Self {
         Self(bytes.into())
     }
 
@@ -82,7 +82,7 @@ impl Body {
     }
 
     /// A hash of the stored bytes, by which damage is detected.
-    pub(super) fn checksum(&self) -> i64 {
+    pub(crate) fn checksum(&self) -> i64 {
         xxh3_64(&self.0).cast_signed()
     }
 }

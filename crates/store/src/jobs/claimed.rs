@@ -3,12 +3,12 @@
 use std::borrow::Cow;
 use std::time::Duration;
 
-use super::body::Body;
-use super::error::Result;
-use super::row::{Columns, Part, Row, RunId, read};
-use super::signals::Stop;
-use super::statement::sql;
-use super::tables::{Connected, Tables};
+use crate::database::body::Body;
+use crate::database::error::Result;
+use crate::database::row::{Columns, Part, Row, RunId, read};
+use crate::database::signals::Stop;
+use crate::database::statement::sql;
+use crate::database::tables::{Connected, Tables};
 use fretwork_job::{Cost, Key};
 
 /// A run, or a piece of a study, that a worker has claimed.
@@ -54,14 +54,14 @@ pub enum Piece {
 
 impl Claimed {
     /// A whole run, from its row.
-    pub(super) fn whole(run: RunId, row: &Row) -> sqlx::Result<Self> {
+    pub(crate) fn whole(run: RunId, row: &Row) -> sqlx::Result<Self> {
         let piece = Piece::Whole { task: row.get("task")? };
         let (spent, stop) = (Cost::ZERO, Stop::default());
         Ok(read!(row => Self { attempt, key, trace; run, piece, spent, stop }))
     }
 
     /// A piece of a study with this number of chunks, read from the row of the study and its run.
-    pub(super) fn piece(
+    pub(crate) fn piece(
         run: RunId,
         (number, of): (u32, u32),
         attempt: u32,
@@ -73,7 +73,7 @@ impl Claimed {
     }
 
     /// The task in its stored form.
-    pub(super) async fn task(&self, db: &mut impl Connected) -> Result<Cow<'_, str>> {
+    pub(crate) async fn task(&self, db: &mut impl Connected) -> Result<Cow<'_, str>> {
         if let Piece::Whole { task } = &self.piece {
             return Ok(task.into());
         }
@@ -81,7 +81,7 @@ impl Claimed {
         Ok(Cow::Owned(row.get("task")?))
     }
 
-    pub(super) fn part(&self) -> Part {
+    pub(crate) fn part(&self) -> Part {
         let number = match self.piece {
             Piece::Whole { .. } => None,
             Piece::Chunk { number, .. } => Some(number),
@@ -90,23 +90,23 @@ impl Claimed {
         (self.run, number)
     }
 
-    pub(super) fn claim(&self) -> Claim {
+    pub(crate) fn claim(&self) -> Claim {
         Claim { part: self.part(), attempt: self.attempt, key: self.key }
     }
 }
 
 /// Identifies a claim. If another worker has claimed the part since, the changes of the first worker are ignored.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Claim {
-    pub(super) part: Part,
-    pub(super) attempt: u32,
-    pub(super) key: Key,
+pub(crate) struct Claim {
+    pub(crate) part: Part,
+    pub(crate) attempt: u32,
+    pub(crate) key: Key,
 }
 
 impl Claim {
     /// The attempt of the run. For a piece of a study: `None` if the worker has lost the piece. For a whole run, the
     /// caller compares the returned attempt with that in the table.
-    pub(super) async fn attempt_of_run(self, db: &mut impl Connected) -> Result<Option<u32>> {
+    pub(crate) async fn attempt_of_run(self, db: &mut impl Connected) -> Result<Option<u32>> {
         let (run, Some(number)) = self.part else { return Ok(Some(self.attempt)) };
         let query = sql!(
             "SELECT run.attempt AS attempt FROM chunk JOIN run ON run.id = chunk.run
@@ -120,56 +120,56 @@ impl Claim {
 
 /// The number of pieces of an unfinished study in each state.
 #[derive(Debug, Clone)]
-pub(super) struct Study {
-    pub(super) chunks: u32,
+pub(crate) struct Study {
+    pub(crate) chunks: u32,
     /// The number of the first piece that was never claimed.
-    pub(super) next: u32,
+    pub(crate) next: u32,
     /// Number of pieces that were claimed, and are queued again.
-    pub(super) queued: u32,
-    pub(super) running: u32,
-    pub(super) stages: Stages,
+    pub(crate) queued: u32,
+    pub(crate) running: u32,
+    pub(crate) stages: Stages,
 }
 
 /// The pieces with which the later stages of a study begin.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Stages(Vec<u32>);
+pub(crate) struct Stages(Vec<u32>);
 
 impl Stages {
     /// Reads numbers that are separated by commas, as the database stores them.
-    pub(super) fn read(text: &str) -> Self {
+    pub(crate) fn read(text: &str) -> Self {
         Self(text.split(',').filter_map(|number| number.parse().ok()).collect())
     }
 }
 
 impl Study {
     /// Whether a worker can claim a piece.
-    pub(super) fn is_ready(&self) -> bool {
+    pub(crate) fn is_ready(&self) -> bool {
         self.is_next_ready() || self.queued > 0
     }
 
     /// Whether a worker can claim the next piece. The first piece of a stage waits for all pieces before it, and so
     /// does the last piece, the assembly.
-    pub(super) fn is_next_ready(&self) -> bool {
+    pub(crate) fn is_next_ready(&self) -> bool {
         let waits = self.next == self.chunks || self.stages.0.contains(&self.next);
         self.next <= self.chunks && (!waits || self.queued + self.running == 0)
     }
 
     /// Number of finished pieces.
-    pub(super) fn done(&self) -> u32 {
+    pub(crate) fn done(&self) -> u32 {
         self.next - self.queued - self.running
     }
 }
 
 /// A finished chunk, with the computed data and its cost.
-pub(super) struct FinishedChunk {
-    pub(super) claim: Claim,
-    pub(super) body: Body,
-    pub(super) cost: Cost,
+pub(crate) struct FinishedChunk {
+    pub(crate) claim: Claim,
+    pub(crate) body: Body,
+    pub(crate) cost: Cost,
 }
 
 impl FinishedChunk {
     #[expect(clippy::expect_used, reason = "a chunk must not be lost silently")]
-    pub(super) fn new(claimed: &Claimed, bytes: &[u8], cost: Cost) -> Self {
+    pub(crate) fn new(claimed: &Claimed, bytes: &[u8], cost: Cost) -> Self {
         assert!(matches!(claimed.piece, Piece::Chunk { .. }), "{:?} is no chunk", claimed.piece);
         let body = Body::pack(bytes).expect("any bytes can be compressed");
         Self { claim: claimed.claim(), body, cost }
@@ -180,7 +180,7 @@ impl FinishedChunk {
 const STEPS: u64 = 200;
 
 /// Whether the progress of a study reaches a new step with its `done`-th finished chunk.
-pub(super) fn is_step(done: u32, chunks: u32) -> bool {
+pub(crate) fn is_step(done: u32, chunks: u32) -> bool {
     let step = |done: u32| u64::from(done) * STEPS / u64::from(chunks);
     step(done) != step(done - 1)
 }

@@ -9,7 +9,7 @@ use futures_util::future::{BoxFuture, LocalBoxFuture};
 use fretwork_job::{JobId, Key};
 
 /// The unique index of PostgreSQL on idempotency keys. It refuses a second submission with the same key.
-pub(super) const IDEMPOTENCY: &str = "job_idempotency";
+pub(crate) const IDEMPOTENCY: &str = "job_idempotency";
 
 /// The result of what the store does. Without `E`, the error is one of the store.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
@@ -211,7 +211,7 @@ impl From<sqlx::Error> for Error {
 }
 
 /// The value that was read, or the message of SQLite if the database is damaged there. Other errors are returned.
-pub(super) fn unless_damaged<T>(read: sqlx::Result<T>) -> Result<Result<T, String>> {
+pub(crate) fn unless_damaged<T>(read: sqlx::Result<T>) -> Result<Result<T, String>> {
     match read.map_err(Error::from) {
         Ok(found) => Ok(Ok(found)),
         Err(Error::Damaged(error)) => Ok(Err(error.to_string())),
@@ -220,7 +220,7 @@ pub(super) fn unless_damaged<T>(read: sqlx::Result<T>) -> Result<Result<T, Strin
 }
 
 /// Whether SQLite says that a file is not a database.
-pub(super) fn is_other_file(error: &sqlx::Error) -> bool {
+pub(crate) fn is_other_file(error: &sqlx::Error) -> bool {
     const SQLITE_NOTADB: &str = "26";
     let code = error.as_database_error().and_then(sqlx::error::DatabaseError::code);
     code.is_some_and(|code| code == SQLITE_NOTADB)
@@ -229,7 +229,7 @@ pub(super) fn is_other_file(error: &sqlx::Error) -> bool {
 impl Error {
     /// Whether the transaction conflicted with another one in PostgreSQL, so that a retry may succeed. This is a
     /// serialization failure, a deadlock, or a simultaneous submission with the same idempotency key.
-    pub(super) fn is_conflict(&self) -> bool {
+    pub(crate) fn is_conflict(&self) -> bool {
         let (Self::Busy(error) | Self::Database(error)) = self else { return false };
         error.as_database_error().is_some_and(|error| {
             matches!(error.code().as_deref(), Some("40001" | "40P01"))

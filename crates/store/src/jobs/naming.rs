@@ -2,16 +2,16 @@
 
 use serde_json::Value;
 
-use super::change::Change;
-use super::error::Result;
-use super::read;
-use super::row::Columns as _;
-use super::statement::sql;
-use super::tables::{Connected as _, Tables as _};
+use crate::database::change::Change;
+use crate::database::error::Result;
+use crate::database::row::Columns as _;
+use crate::database::statement::sql;
+use crate::database::tables::{Connected as _, Tables as _};
+use crate::jobs::read;
 use fretwork_job::{Job, JobId, Naming};
 
 /// Changes the label and the tags of a job. Returns the job; `None` if there is none.
-pub(super) async fn rename(
+pub(crate) async fn rename(
     (id, naming): &(JobId, Naming),
     mut tx: Change<'_>,
 ) -> Result<Option<Job>> {

@@ -8,12 +8,12 @@ use prometheus_client::metrics::gauge::Gauge;
 use prometheus_client::metrics::histogram::{Histogram, exponential_buckets};
 use prometheus_client::registry::{Registry, Unit};
 
-use super::error::Error;
+use crate::database::error::Error;
 use fretwork_job::{Origin, Recomputed, words};
 
 words! {
     /// How a run ended.
-    pub(super) enum Ending: "outcome" {
+    pub(crate) enum Ending: "outcome" {
         Succeeded = "succeeded",
         Failed = "failed",
         Canceled = "canceled",
@@ -46,9 +46,9 @@ pub struct Tally {
     seconds: Histogram,
     recomputes: Counters,
     /// Results that were evicted.
-    pub(super) evicted: Counter,
+    pub(crate) evicted: Counter,
     /// Number of acknowledged commits that were missing at the start.
-    pub(super) lost: Gauge,
+    pub(crate) lost: Gauge,
     errors: Counters,
     queued: Gauge,
     working: Gauge,
@@ -57,7 +57,7 @@ pub struct Tally {
     /// Age of the oldest snapshot in PostgreSQL, in seconds.
     snapshot: Gauge<f64, AtomicU64>,
     /// Size of the stored results.
-    pub(super) bytes: Gauge,
+    pub(crate) bytes: Gauge,
     /// Exponential moving average of the duration of a run, in seconds.
     usual: Gauge<f64, AtomicU64>,
 }
@@ -135,7 +135,7 @@ impl Tally {
     }
 
     /// Deleted or replaced rows of the queue that PostgreSQL keeps.
-    pub(super) fn dead(&self) -> u64 {
+    pub(crate) fn dead(&self) -> u64 {
         self.dead.get().unsigned_abs()
     }
 
@@ -144,11 +144,11 @@ impl Tally {
         self.usual.get()
     }
 
-    pub(super) fn submitted(&self, origin: Origin) {
+    pub(crate) fn submitted(&self, origin: Origin) {
         count(&self.jobs, "origin", origin.as_str());
     }
 
-    pub(super) fn settled(&self, ending: Ending, milliseconds: Option<i64>) {
+    pub(crate) fn settled(&self, ending: Ending, milliseconds: Option<i64>) {
         count(&self.runs, "outcome", ending.as_str());
         if let Some(milliseconds) = milliseconds {
             // The clock may have been set back during the run.
@@ -159,11 +159,11 @@ impl Tally {
         }
     }
 
-    pub(super) fn recomputed(&self, how: Recomputed) {
+    pub(crate) fn recomputed(&self, how: Recomputed) {
         count(&self.recomputes, "result", how.as_str());
     }
 
-    pub(super) fn failed(&self, error: &Error) {
+    pub(crate) fn failed(&self, error: &Error) {
         let kind = match error {
             Error::Full(_) => "full",
             Error::Busy(_) | Error::Unreachable(_) | Error::Exhausted => "busy",
@@ -175,12 +175,12 @@ impl Tally {
         count(&self.errors, "kind", kind);
     }
 
-    pub(super) fn database_keeps(&self, dead: i64, snapshot: f64) {
+    pub(crate) fn database_keeps(&self, dead: i64, snapshot: f64) {
         self.dead.set(dead);
         self.snapshot.set(snapshot);
     }
 
-    pub(super) fn queue_is(&self, queued: usize, working: usize) {
+    pub(crate) fn queue_is(&self, queued: usize, working: usize) {
         self.queued.set((queued as u64).cast_signed());
         self.working.set((working as u64).cast_signed());
     }

@@ -4,12 +4,12 @@ use std::num::NonZeroU32;
 
 use serde_json::Value;
 
-use super::error::{Error, IDEMPOTENCY, Result};
-use super::keep::Source;
-use super::read;
-use super::row::Columns;
-use super::statement::sql;
-use super::tables::{Connected, Tables};
+use crate::database::error::{Error, IDEMPOTENCY, Result};
+use crate::database::row::Columns;
+use crate::database::statement::sql;
+use crate::database::tables::{Connected, Tables};
+use crate::jobs::read;
+use crate::results::keep::Source;
 use fretwork_engine::scenario::Warning;
 use fretwork_job::{Job, JobId, Key};
 
@@ -96,17 +96,17 @@ pub enum Submitted {
 
 /// Numbers of queued jobs.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Queued {
+pub(crate) struct Queued {
     /// Jobs of all owners.
-    pub(super) all: usize,
+    pub(crate) all: usize,
     /// Jobs of the owner of the submission.
-    pub(super) own: usize,
+    pub(crate) own: usize,
 }
 
 impl Queued {
     /// Whether the queue is full for the owner of the submission. The last tenth of the queue is reserved for owners
     /// with few queued jobs, so that no owner can fill the whole queue.
-    pub(super) fn is_full(self, limit: usize) -> bool {
+    pub(crate) fn is_full(self, limit: usize) -> bool {
         let tenth = limit / 10;
         self.all >= limit || (self.all >= limit - tenth && self.own >= tenth)
     }
@@ -114,16 +114,16 @@ impl Queued {
 
 /// A submission with its lists encoded as JSON. It is encoded before the transaction begins, which keeps the
 /// transaction short.
-pub(super) struct EncodedJob {
-    pub(super) job: NewJob,
-    pub(super) tags: String,
-    pub(super) warnings: String,
-    pub(super) submission_warnings: String,
+pub(crate) struct EncodedJob {
+    pub(crate) job: NewJob,
+    pub(crate) tags: String,
+    pub(crate) warnings: String,
+    pub(crate) submission_warnings: String,
 }
 
 impl EncodedJob {
     #[expect(clippy::expect_used, reason = "a job without its warnings would mislead its client")]
-    pub(super) fn new(job: NewJob) -> Self {
+    pub(crate) fn new(job: NewJob) -> Self {
         let tags = Value::from(job.tags.clone()).to_string();
         let json = |warnings| serde_json::to_string(warnings).expect("warnings are plain texts");
         let warnings = json(&job.warnings);
@@ -132,7 +132,7 @@ impl EncodedJob {
     }
 
     /// The answer if this submission is a repetition, or uses the idempotency key of another submission.
-    pub(super) async fn repeated(&self, db: &mut impl Connected) -> Result<Option<Submitted>> {
+    pub(crate) async fn repeated(&self, db: &mut impl Connected) -> Result<Option<Submitted>> {
         let Some(repeatable) = &self.job.repeatable else { return Ok(None) };
         let query = sql!(
             "SELECT id, fingerprint FROM job WHERE owner = $1 AND idempotency_key = $2";
@@ -146,7 +146,7 @@ impl EncodedJob {
     }
 
     /// The provenance of an answer that was computed before this job was submitted.
-    pub(super) fn source(&self, program: i64, now: i64) -> Source<'_> {
+    pub(crate) fn source(&self, program: i64, now: i64) -> Source<'_> {
         let NewJob { id, key, ref owner, ref task, ref trace, .. } = self.job;
         let (owner, warnings) = (Some(owner.as_str()), Some(self.submission_warnings.as_str()));
         let (job, trace, program) = (Some(id), trace.as_deref(), Some(program));
@@ -154,7 +154,7 @@ impl EncodedJob {
     }
 
     /// Translates an error of the statement that inserts the job.
-    pub(super) fn refused(&self, error: sqlx::Error) -> Error {
+    pub(crate) fn refused(&self, error: sqlx::Error) -> Error {
         match error.as_database_error() {
             // A violation of the index of idempotency keys is something else: the same submission was sent to two
             // servers at the same time. It is retried.

@@ -3,15 +3,15 @@
 use sqlx::SqliteConnection;
 use sqlx::postgres::PgConnection;
 
-use super::error::{Doing, Result};
-use super::row::Row;
-use super::statement::Statement;
+use crate::database::error::{Doing, Result};
+use crate::database::row::Row;
+use crate::database::statement::Statement;
 
 /// Advisory locks of PostgreSQL, with which servers exclude each other. Other programs in the same database must not
 /// use these numbers.
 #[derive(Debug, Clone, Copy)]
 #[repr(i64)]
-pub(super) enum Lock {
+pub(crate) enum Lock {
     /// Migrations.
     Schema = 0x6672_6574_0001,
     /// The sum of all pins.
@@ -22,14 +22,14 @@ pub(super) enum Lock {
 
 /// Maximum number of rows of an answer that are read.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Most {
+pub(crate) enum Most {
     One,
     All,
 }
 
 /// The purpose for which the store needs a connection.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Purpose {
+pub(crate) enum Purpose {
     /// Any statement: uses a connection of the pool.
     Any,
     /// A scan of all results or jobs: uses a connection of the pool. Scans never use all connections of the pool, so single
@@ -43,7 +43,7 @@ pub(super) enum Purpose {
 
 /// Reads the tables. Implemented by connections, and by the store, which uses one of its connections for each
 /// statement.
-pub(super) trait Tables: Send {
+pub(crate) trait Tables: Send {
     /// Reads the rows that a statement returns.
     fn read(&mut self, statement: Statement, most: Most) -> Doing<'_, Vec<Row>>;
 
@@ -64,13 +64,13 @@ pub(super) trait Tables: Send {
 }
 
 /// A connection to either database.
-pub(super) enum Connection<'a> {
+pub(crate) enum Connection<'a> {
     Sqlite(&'a mut SqliteConnection),
     Postgres(&'a mut PgConnection),
 }
 
 /// Has a connection. In an open transaction, it can also change the tables.
-pub(super) trait Connected: Send {
+pub(crate) trait Connected: Send {
     fn connection(&mut self) -> Connection<'_>;
 
     /// Executes a statement.

@@ -1,11 +1,11 @@
 //! Reads jobs, pages of jobs, and results.
 
-use super::body::Body;
-use super::error::{Error, Result};
-use super::row::{Columns, Row, RunId, Sum, page_of, read};
-use super::statement::{Statement, sql};
-use super::tables::Tables;
-use super::words::Words;
+use crate::database::body::Body;
+use crate::database::error::{Error, Result};
+use crate::database::row::{Columns, Row, RunId, Sum, page_of, read};
+use crate::database::statement::{Statement, sql};
+use crate::database::tables::Tables;
+use crate::database::words::Words;
 use fretwork_job::{Canonical, Failure, Job, JobId, JobState, Key};
 
 /// Conditions on the jobs of a list. `None` means no condition.
@@ -86,7 +86,7 @@ pub struct Asked {
 }
 
 /// Reads the columns of a job.
-pub(super) fn read_job(row: &Row) -> sqlx::Result<Job> {
+pub(crate) fn read_job(row: &Row) -> sqlx::Result<Job> {
     let state = row.get("state")?;
     let failure = match state {
         JobState::Failed => {
@@ -127,20 +127,20 @@ macro_rules! select_job {
 }
 
 /// A job in its current state.
-pub(super) async fn job(id: JobId, mut db: impl Tables) -> Result<Option<Job>> {
+pub(crate) async fn job(id: JobId, mut db: impl Tables) -> Result<Option<Job>> {
     let row = db.row(select_job!("job.id = $1"; id)).await?;
     Ok(row.as_ref().map(read_job).transpose()?)
 }
 
 /// The number of jobs that match.
-pub(super) async fn count(filter: &Filter, mut db: impl Tables) -> Result<u64> {
+pub(crate) async fn count(filter: &Filter, mut db: impl Tables) -> Result<u64> {
     let mut query = sql!("SELECT count(*) AS total FROM job WHERE ");
     matching(&mut query, filter);
     Ok(db.one(query).await?.get("total")?)
 }
 
 /// Up to `limit` jobs that match after `cursor`, in the order of the filter.
-pub(super) async fn jobs(
+pub(crate) async fn jobs(
     filter: &Filter,
     cursor: Option<JobId>,
     limit: u32,
@@ -161,7 +161,7 @@ pub(super) async fn jobs(
 }
 
 /// Up to `at_most` queued or running jobs that match and are older than `before`, newest first.
-pub(super) async fn unfinished(
+pub(crate) async fn unfinished(
     filter: &Filter,
     before: JobId,
     at_most: u32,
@@ -180,7 +180,7 @@ pub(super) async fn unfinished(
 }
 
 /// The numbers of queued and of running jobs of an owner.
-pub(super) async fn counts(owner: &str, mut db: impl Tables) -> Result<(u64, u64)> {
+pub(crate) async fn counts(owner: &str, mut db: impl Tables) -> Result<(u64, u64)> {
     // The index of states skips the many finished jobs.
     let query = sql!(
         "SELECT count(*) FILTER (WHERE state = 'queued') AS queued,
@@ -194,7 +194,7 @@ pub(super) async fn counts(owner: &str, mut db: impl Tables) -> Result<(u64, u64
 }
 
 /// The task of a job, and the text as the client submitted it.
-pub(super) async fn asked(id: JobId, mut db: impl Tables) -> Result<Asked> {
+pub(crate) async fn asked(id: JobId, mut db: impl Tables) -> Result<Asked> {
     // The task is in the row of the run. A job without a run has a result, and the task is stored with the result.
     // Versions before 0.3 could delete such a result completely. Then the run of another job with this key may have the
     // task.
@@ -212,7 +212,7 @@ pub(super) async fn asked(id: JobId, mut db: impl Tables) -> Result<Asked> {
 }
 
 /// The oldest unfinished job of the live run of a key. With an owner, the oldest of that owner.
-pub(super) async fn live_job(
+pub(crate) async fn live_job(
     key: &Key,
     owner: Option<&str>,
     mut db: impl Tables,
@@ -228,7 +228,7 @@ pub(super) async fn live_job(
 }
 
 /// A result and the hash of its body. The body is read if its JSON has at most `most` bytes.
-pub(super) async fn result(
+pub(crate) async fn result(
     key: &Key,
     most: i64,
     mut db: impl Tables,
@@ -244,7 +244,7 @@ pub(super) async fn result(
 }
 
 /// Whether the body of the result of a key is stored.
-pub(super) async fn has_result(key: &Key, mut db: impl Tables) -> Result<bool> {
+pub(crate) async fn has_result(key: &Key, mut db: impl Tables) -> Result<bool> {
     let query = sql!(
         "SELECT EXISTS (SELECT 1 FROM result WHERE key = $1 AND evicted IS NULL) AS is_known"; key
     );
@@ -252,7 +252,7 @@ pub(super) async fn has_result(key: &Key, mut db: impl Tables) -> Result<bool> {
 }
 
 /// The stored data of a finished chunk, and their hash.
-pub(super) async fn chunk(
+pub(crate) async fn chunk(
     run: RunId,
     number: u32,
     mut db: impl Tables,
@@ -279,7 +279,7 @@ pub struct Unfinished {
 }
 
 /// The study of a job, if it is being computed or was canceled.
-pub(super) async fn unfinished_study(id: JobId, mut db: impl Tables) -> Result<Option<Unfinished>> {
+pub(crate) async fn unfinished_study(id: JobId, mut db: impl Tables) -> Result<Option<Unfinished>> {
     let query = sql!(
         "SELECT run.key AS key, run.task AS task, study.chunks AS chunks,
              (SELECT count(*) FROM chunk
@@ -293,7 +293,7 @@ pub(super) async fn unfinished_study(id: JobId, mut db: impl Tables) -> Result<O
 }
 
 /// The stored data of the finished chunks of a job's study, with their numbers and hashes: at most as many as were done.
-pub(super) async fn chunks(
+pub(crate) async fn chunks(
     id: JobId,
     &Unfinished { chunks, done, .. }: &Unfinished,
     mut db: impl Tables,
@@ -312,7 +312,7 @@ pub(super) async fn chunks(
 }
 
 /// The task of an unfinished run in its stored form.
-pub(super) async fn task(run: RunId, mut db: impl Tables) -> Result<Option<String>> {
+pub(crate) async fn task(run: RunId, mut db: impl Tables) -> Result<Option<String>> {
     let row = db.row(sql!("SELECT task FROM run WHERE id = $1 AND finished IS NULL"; run)).await?;
     Ok(row.map(|row| row.get("task")).transpose()?)
 }

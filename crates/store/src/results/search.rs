@@ -6,17 +6,17 @@ use std::str::FromStr;
 
 use serde::Deserialize;
 
-use super::error::Result;
-use super::library::Note;
-use super::row::{Columns, Row, page_of, read};
-use super::statement::{Statement, sql};
-use super::tables::Tables;
-use super::words::Words;
+use crate::database::error::Result;
+use crate::database::row::{Columns, Row, page_of, read};
+use crate::database::statement::{Statement, sql};
+use crate::database::tables::Tables;
+use crate::database::words::Words;
+use crate::results::library::Note;
 use fretwork_engine::request::quantity::{self, Dimension};
 use fretwork_job::{JobId, Key, Outline, SCALARS, WORDS, clock};
 
 /// The names of the searchable words and numbers, in the order of an [`Outline`]. They are columns of `outline`.
-pub(super) fn names() -> impl Iterator<Item = &'static str> {
+pub(crate) fn names() -> impl Iterator<Item = &'static str> {
     let words = WORDS.iter().map(|word| word.name);
     words.chain(SCALARS.iter().map(|scalar| scalar.name))
 }
@@ -342,7 +342,7 @@ impl Search {
 
 /// The stored result whose inputs are nearest to those of an outline, other than `except`. The distance is the sum of
 /// the relative differences, plus 10 for each word that differs.
-pub(super) async fn nearest(
+pub(crate) async fn nearest(
     to: &Outline,
     except: Option<Key>,
     mut db: impl Tables,
@@ -496,7 +496,7 @@ pub struct Found {
 
 impl Found {
     /// Up to `limit` matching results after `cursor`.
-    pub(super) async fn page(
+    pub(crate) async fn page(
         search: &Search,
         cursor: Option<Cursor>,
         limit: u32,
@@ -510,7 +510,7 @@ impl Found {
 }
 
 /// The number of results that match a search.
-pub(super) async fn count(search: &Search, mut db: impl Tables) -> Result<u64> {
+pub(crate) async fn count(search: &Search, mut db: impl Tables) -> Result<u64> {
     let mut query = sql!("SELECT count(*) AS total FROM outline WHERE ");
     search.conditions(&mut query);
     Ok(db.one(query).await?.get("total")?)
@@ -518,7 +518,7 @@ pub(super) async fn count(search: &Search, mut db: impl Tables) -> Result<u64> {
 
 /// The statement that reads the rows of a page and one row more. Results without a value in the sort column come last
 /// in both directions.
-pub(super) fn page(search: &Search, cursor: Option<Cursor>, limit: u32) -> Statement {
+pub(crate) fn page(search: &Search, cursor: Option<Cursor>, limit: u32) -> Statement {
     let mut query = sql!("SELECT outline.id AS id");
     for name in names() {
         query.push(", outline.").push(name).push(" AS ").push(name);

@@ -1,33 +1,33 @@
 //! Stores results of other servers, which an import has read from a file.
 
-use super::change::Change;
-use super::error::Result;
-use super::keep::{Answered, Source};
-use super::library::{Note, Program};
-use super::row::Columns;
-use super::statement::sql;
-use super::tables::{Connected, Connection, Tables};
-use super::{postgres, sqlite};
+use crate::database::change::Change;
+use crate::database::error::Result;
+use crate::database::row::Columns;
+use crate::database::statement::sql;
+use crate::database::tables::{Connected, Connection, Tables};
+use crate::results::keep::{Answered, Source};
+use crate::results::library::{Note, Program};
+use crate::{postgres, sqlite};
 use fretwork_job::{Key, Verified};
 
 /// A result of another server that passed all checks.
 #[derive(Debug)]
-pub(super) struct Import {
-    pub(super) key: Key,
-    pub(super) answer: Answered,
+pub(crate) struct Import {
+    pub(crate) key: Key,
+    pub(crate) answer: Answered,
     /// The task in its stored form.
-    pub(super) task: String,
-    pub(super) owner: Option<String>,
-    pub(super) warnings: Option<String>,
-    pub(super) program: Option<Program>,
-    pub(super) computed: Option<i64>,
-    pub(super) note: Option<Note>,
-    pub(super) verified: Verified,
+    pub(crate) task: String,
+    pub(crate) owner: Option<String>,
+    pub(crate) warnings: Option<String>,
+    pub(crate) program: Option<Program>,
+    pub(crate) computed: Option<i64>,
+    pub(crate) note: Option<Note>,
+    pub(crate) verified: Verified,
 }
 
 /// What the database has under the key of a result before the result is imported.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum Before {
+pub(crate) enum Before {
     /// Nothing, or the same result without its body, which was evicted.
     Nothing,
     /// The same result.
@@ -42,7 +42,7 @@ pub(super) enum Before {
 
 impl Before {
     /// What the database has under the key of a result with this digest.
-    pub(super) async fn of(key: &Key, digest: &[u8], mut db: impl Tables) -> Result<Self> {
+    pub(crate) async fn of(key: &Key, digest: &[u8], mut db: impl Tables) -> Result<Self> {
         let query = sql!(
             "SELECT evicted IS NULL AS held, digest = $2 AS same, deleted_by FROM result WHERE key = $1";
             key, digest
@@ -58,7 +58,7 @@ impl Before {
     }
 
     /// Why the import refuses the result, if it does.
-    pub(super) fn refusal(&self) -> Option<String> {
+    pub(crate) fn refusal(&self) -> Option<String> {
         match self {
             Self::Nothing | Self::Same => None,
             Self::Another => Some("this database has another result under its key".to_owned()),
@@ -74,7 +74,7 @@ impl Before {
 
 /// What an import did with the note of a result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum NoteTaken {
+pub(crate) enum NoteTaken {
     /// The file has no note, or the same note as the database.
     Unchanged,
     /// The note is stored: the result had none.
@@ -85,7 +85,7 @@ pub(super) enum NoteTaken {
 
 /// Stores a result from the file with this name, if the database does not have it. Stores its note, unless the database
 /// already has a note of the result.
-pub(super) async fn import(
+pub(crate) async fn import(
     (import, file): &(Import, String),
     mut tx: Change<'_>,
 ) -> Result<(Before, NoteTaken)> {
@@ -137,7 +137,7 @@ async fn insert(import: &Import, file: &str, tx: &mut Change<'_>) -> Result<bool
 }
 
 /// Stores the note of a result that the database has, unless the result already has a note.
-pub(super) async fn take_note(
+pub(crate) async fn take_note(
     (key, note): &(Key, Option<Note>),
     mut tx: Change<'_>,
 ) -> Result<NoteTaken> {

@@ -9,14 +9,14 @@ use parking_lot::Mutex;
 use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::{broadcast, watch};
 
-use super::error::Result;
-use super::row::{Part, RunId};
-use super::tally::{Ending, Tally};
+use crate::database::error::Result;
+use crate::database::row::{Part, RunId};
+use crate::database::tally::{Ending, Tally};
 use fretwork_job::clock::now;
 use fretwork_job::{Key, Origin, Recomputed};
 
 /// A signal that is sent after a commit.
-pub(super) enum Effect {
+pub(crate) enum Effect {
     /// A job or run of this key has changed.
     Changed(Key),
     /// A job or run of this key has changed, and may have ended.
@@ -60,8 +60,8 @@ impl Stop {
 }
 
 #[derive(Debug, Default)]
-pub(super) struct Signals {
-    pub(super) tally: Tally,
+pub(crate) struct Signals {
+    pub(crate) tally: Tally,
     queue: watch::Sender<u64>,
     deleted: Deleted,
     tables: Mutex<Tables>,
@@ -93,7 +93,7 @@ struct Tables {
 /// may delete a result that was read recently.
 const MAX_READ: usize = 10_000;
 /// Maximum number of times of reading that one transaction stores. This takes a few milliseconds.
-pub(super) const READ_AT_ONCE: usize = 500;
+pub(crate) const READ_AT_ONCE: usize = 500;
 
 impl Tables {
     fn note(&mut self, key: Key, at: i64) {
@@ -105,7 +105,7 @@ impl Tables {
 
 impl Signals {
     /// Sends all signals, in the order of the changes.
-    pub(super) fn apply(&self, effects: Vec<Effect>) {
+    pub(crate) fn apply(&self, effects: Vec<Effect>) {
         let mut tables = self.tables.lock();
         for effect in effects {
             match effect {
@@ -159,22 +159,22 @@ impl Signals {
     }
 
     /// Counts the error of a failed operation in the metrics, and returns the result unchanged.
-    pub(super) fn counted<T>(&self, result: Result<T>) -> Result<T> {
+    pub(crate) fn counted<T>(&self, result: Result<T>) -> Result<T> {
         result.inspect_err(|error| self.tally.failed(error))
     }
 
     /// Keeps in memory that a result was read at this time.
-    pub(super) fn read(&self, key: Key, at: i64) {
+    pub(crate) fn read(&self, key: Key, at: i64) {
         self.tables.lock().note(key, at);
     }
 
     /// The parts that the workers of this process compute, with the stop flag of each worker.
-    pub(super) fn running(&self) -> Vec<(Part, Stop)> {
+    pub(crate) fn running(&self) -> Vec<(Part, Stop)> {
         self.tables.lock().running.iter().map(|(part, stop)| (*part, stop.clone())).collect()
     }
 
     /// Stops workers that have lost their parts. If a worker has claimed such a part again since, that worker goes on.
-    pub(super) fn stop(&self, lost: &[(Part, Stop)]) {
+    pub(crate) fn stop(&self, lost: &[(Part, Stop)]) {
         let mut tables = self.tables.lock();
         for (part, stop) in lost {
             stop.raise();
@@ -185,7 +185,7 @@ impl Signals {
     }
 
     /// Lets waiting clients and workers read the tables again, because signals of other servers may have been lost.
-    pub(super) fn wake(&self) {
+    pub(crate) fn wake(&self) {
         self.queue.send_modify(|_| {});
         for sender in self.tables.lock().listeners.values() {
             sender.send_modify(|ends| *ends += 1);
@@ -200,28 +200,28 @@ impl Signals {
 
     /// Called after this server may have missed signals of other servers. Lets all listeners read the tables again, and
     /// assume that any result was deleted.
-    pub(super) fn was_deaf(&self) {
+    pub(crate) fn was_deaf(&self) {
         self.wake();
         self.deleted(None);
     }
 
     /// Removes some results with their times of reading from memory. The caller stores the times.
-    pub(super) fn take_read(&self) -> Vec<(Key, i64)> {
+    pub(crate) fn take_read(&self) -> Vec<(Key, i64)> {
         let mut tables = self.tables.lock();
         let some: Vec<_> = tables.read.keys().copied().take(READ_AT_ONCE).collect();
         some.into_iter().filter_map(|key| tables.read.remove_entry(&key)).collect()
     }
 
-    pub(super) fn watch(self: &Arc<Self>, key: Key) -> Changes {
+    pub(crate) fn watch(self: &Arc<Self>, key: Key) -> Changes {
         let receiver = self.tables.lock().listeners.entry(key).or_default().subscribe();
         Changes::new(receiver, Some(Listening { signals: Arc::clone(self), key }))
     }
 
-    pub(super) fn watch_queue(&self) -> Changes {
+    pub(crate) fn watch_queue(&self) -> Changes {
         Changes::new(self.queue.subscribe(), None)
     }
 
-    pub(super) fn watch_deletions(&self) -> Deletions {
+    pub(crate) fn watch_deletions(&self) -> Deletions {
         Deletions(self.deleted.0.subscribe())
     }
 }

@@ -7,12 +7,12 @@ use data_encoding::HEXLOWER;
 use sha2::{Digest as _, Sha256};
 use subtle::ConstantTimeEq as _;
 
-use super::audit::{Act, Actor, record};
-use super::change::Change;
-use super::error::{Error, Result};
-use super::row::{Columns, Row, cells, read};
-use super::statement::sql;
-use super::tables::{Connected, Tables};
+use crate::database::change::Change;
+use crate::database::error::{Error, Result};
+use crate::database::row::{Columns, Row, cells, read};
+use crate::database::statement::sql;
+use crate::database::tables::{Connected, Tables};
+use crate::team::audit::{Act, Actor, record};
 use fretwork_job::words;
 
 /// Prefix of all keys. Tools that scan for leaked secrets recognise it.
@@ -105,7 +105,7 @@ pub struct NewKey {
 
 impl NewKey {
     /// Creates a random key. Returns its id and its text.
-    pub(super) fn mint() -> Result<(String, String)> {
+    pub(crate) fn mint() -> Result<(String, String)> {
         let (id, secret) = (random::<{ ID / 2 }>()?, random::<SECRET>()?);
         let key = format!("{MARK}_{id}_{secret}");
         Ok((id, key))
@@ -120,7 +120,7 @@ fn random<const BYTES: usize>() -> Result<String> {
 }
 
 /// All keys, also expired and revoked ones, the oldest first.
-pub(super) async fn list(mut db: impl Tables) -> Result<Vec<AccessKey>> {
+pub(crate) async fn list(mut db: impl Tables) -> Result<Vec<AccessKey>> {
     let keys = sql!(
         "SELECT id, name, role, digest, per_minute, created, expires, revoked, last_used FROM access_key
          ORDER BY created, id"
@@ -129,7 +129,7 @@ pub(super) async fn list(mut db: impl Tables) -> Result<Vec<AccessKey>> {
 }
 
 /// Stores a new key. Its text and its id are known already.
-pub(super) async fn add(
+pub(crate) async fn add(
     (id, key, new, by): &(String, String, NewKey, Actor),
     mut tx: Change<'_>,
 ) -> Result<()> {
@@ -144,7 +144,7 @@ pub(super) async fn add(
 }
 
 /// Revokes the valid keys with this id or name; returns how many.
-pub(super) async fn revoke((name, by): &(String, Actor), mut tx: Change<'_>) -> Result<usize> {
+pub(crate) async fn revoke((name, by): &(String, Actor), mut tx: Change<'_>) -> Result<usize> {
     let now = tx.now().await?;
     let update = sql!(
         "UPDATE access_key SET revoked = $2
@@ -159,14 +159,14 @@ pub(super) async fn revoke((name, by): &(String, Actor), mut tx: Change<'_>) -> 
 }
 
 /// Records that a key was used.
-pub(super) async fn was_used(by: &Actor, mut tx: Change<'_>) -> Result<()> {
+pub(crate) async fn was_used(by: &Actor, mut tx: Change<'_>) -> Result<()> {
     let now = tx.now().await?;
     tx.execute(sql!("UPDATE access_key SET last_used = $2 WHERE id = $1"; &by.key, now)).await?;
     record(&mut tx, now, (by, Act::UseKey), &by.key, &by.name).await
 }
 
 /// Stores the candidate as the secret that signs links, if there is none yet. Returns the stored secret.
-pub(super) async fn link_secret(candidate: &[u8; 32], mut tx: Change<'_>) -> Result<[u8; 32]> {
+pub(crate) async fn link_secret(candidate: &[u8; 32], mut tx: Change<'_>) -> Result<[u8; 32]> {
     let insert = sql!(
         "INSERT INTO link_secret (id, secret) VALUES (1, $1) ON CONFLICT DO NOTHING"; candidate
     );

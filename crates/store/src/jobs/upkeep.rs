@@ -1,10 +1,10 @@
 //! Maintenance that both databases do with the same statements.
 
-use super::change::Change;
-use super::error::Result;
-use super::row::{Columns, RunId};
-use super::statement::sql;
-use super::tables::{Connected, Tables};
+use crate::database::change::Change;
+use crate::database::error::Result;
+use crate::database::row::{Columns, RunId};
+use crate::database::statement::sql;
+use crate::database::tables::{Connected, Tables};
 
 /// Time in milliseconds for which the scenario of an evicted result is kept: a year.
 const KEEP_EVICTED: i64 = 365 * 24 * 3600 * 1000;
@@ -14,7 +14,7 @@ const KEEP_CANCELED: i64 = 7 * 24 * 3600 * 1000;
 
 /// Deletes up to `most` chunks of a study that has ended, and then the study. Returns whether there may be more. A
 /// canceled study keeps its chunks for a week, as long as it has a job.
-pub(super) async fn delete_chunks(most: &i64, mut tx: Change<'_>) -> Result<bool> {
+pub(crate) async fn delete_chunks(most: &i64, mut tx: Change<'_>) -> Result<bool> {
     let query = sql!(
         "SELECT study.run AS run FROM study LEFT JOIN run ON run.id = study.run
          WHERE run.id IS NULL OR run.finished <= CASE WHEN run.state = 'canceled' THEN $1 ELSE run.finished END
@@ -37,7 +37,7 @@ pub(super) async fn delete_chunks(most: &i64, mut tx: Change<'_>) -> Result<bool
 }
 
 /// Deletes the scenarios of results that were evicted more than a year before this time and have no jobs.
-pub(super) async fn forget_evicted(time: &i64, mut tx: Change<'_>) -> Result<()> {
+pub(crate) async fn forget_evicted(time: &i64, mut tx: Change<'_>) -> Result<()> {
     // Only the oldest 1000 are examined, so that many results with jobs do not slow every round. Newer results are
     // examined after the jobs of older ones were deleted.
     let query = sql!(
