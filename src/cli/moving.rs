@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use bytesize::ByteSize;
 
-use super::places::{Taken, reserve};
+use super::places::make_parent;
 use super::printing::{Ended, Error, harmless, print};
 use super::runtime::block_on;
 use crate::config::{Backup, Data, Export, Import, Restore};
@@ -54,6 +54,11 @@ fn results(count: u64, bytes: u64) -> String {
     format!("{} ({})", counted(count, "result"), ByteSize(bytes))
 }
 
+/// Makes the directory of a file. Whether the file can be written is known when the command begins to write it.
+fn prepare(file: &Path) -> Result<(), String> {
+    make_parent(file).map_err(|error| format!("cannot write {}: {error}", file.display()))
+}
+
 /// Writes results to a file.
 pub fn export(settings: &Export) -> Result<(), Error> {
     let mut search = Search::default();
@@ -69,7 +74,7 @@ pub fn export(settings: &Export) -> Result<(), Error> {
         );
     }
     if !is_stdout {
-        reserve(file, &mut Taken::new())?;
+        prepare(file)?;
     }
     let mut progress = progress("exported");
     let progress = &mut |done: usize, of| progress(done as f64, of);
@@ -166,7 +171,7 @@ pub fn check(data: &Data, is_repair: bool) -> Result<(), Error> {
 pub fn backup(settings: &Backup) -> Result<(), Error> {
     let instead = "copy it with `pg_dump --format=custom --file=FILE --dbname=URL`";
     let dir = settings.data.directory(instead)?;
-    reserve(&settings.file, &mut Taken::new())?;
+    prepare(&settings.file)?;
     let saved = block_on(store::backup(dir, &settings.file))?;
     if let Err(error) = block_on(store::note_backup(dir)) {
         writeln!(io::stderr(), "the metrics of the server do not show this backup: {error}")?;

@@ -49,6 +49,7 @@ mod hostile_files;
 mod keeping;
 mod keys;
 mod kill;
+mod killed_commands;
 mod library;
 mod listing;
 mod many;

@@ -131,12 +131,12 @@ fn refused(path: &Path) -> impl FnOnce(io::Error) -> Moving {
 struct Part(PathBuf);
 
 impl Part {
-    /// The temporary name is the path of the file with a suffix. Removes a file with this name, which a killed command
-    /// may have left.
+    /// Makes an empty file, whose name is the path of the file with a suffix. Removes a file with this name, which a killed
+    /// command may have left.
     fn of(file: &Path, suffix: &str) -> Result<Self, Moving> {
         let part = Self(open::with_suffix(file, suffix));
-        // SQLite would apply an old journal to the new file.
-        part.remove().map_err(refused(&part.0))?;
+        // SQLite would apply an old journal to the new file. It writes into an empty file as if there were none.
+        part.remove().and_then(|()| File::create(&part.0)).map_err(refused(file))?;
         Ok(part)
     }
 
