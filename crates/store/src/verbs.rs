@@ -22,7 +22,7 @@ use crate::jobs::cancel::{self, Canceled, Deleted};
 use crate::jobs::claimed::{Claimed, FinishedChunk, Piece};
 use crate::jobs::naming;
 use crate::jobs::read::{self, Asked, Filter, LARGE, Page, StoredResult, Unfinished};
-use crate::jobs::submit::{Admission, EncodedJob, NewJob, Submitted};
+use crate::jobs::submit::{Admission, NewJob, Submitted};
 use crate::results::keep::{self, Answered, Changed, Editor, Finish, PinQuota, Removed};
 use crate::results::library::{Known, Provenance};
 use crate::results::search::{self, Cursor, Found, Search};
@@ -102,7 +102,7 @@ impl Store {
     /// Accepts a job. If the result is stored, the job ends at once. Otherwise it waits for the live run of its key. If
     /// there is none, a new run is queued, unless the queue is full.
     pub fn submit(&self, job: NewJob) -> Doing<'_, Submitted> {
-        change!(self, submit::submit, EncodedJob::new(job))
+        change!(self, submit::submit, job)
     }
 
     /// Accepts jobs of one key together with their computed answer, and finishes them in the same commit. `wall` is the
@@ -114,7 +114,7 @@ impl Store {
         answer: Answered,
         wall: Duration,
     ) -> Doing<'_, Vec<Submitted>> {
-        let finished = |job| EncodedJob::new(NewJob { admission: Admission::NoNewRun, ..job });
+        let finished = |job| NewJob { admission: Admission::NoNewRun, ..job };
         let jobs: Vec<_> = jobs.into_iter().map(finished).collect();
         change!(self, submit::record, (jobs, answer, wall))
     }

@@ -2,7 +2,7 @@
 
 use std::num::NonZeroU32;
 
-use serde_json::Value;
+use serde::Serialize;
 
 use crate::database::error::{Error, IDEMPOTENCY, Result};
 use crate::database::row::Columns;
@@ -112,31 +112,19 @@ impl Queued {
     }
 }
 
-/// A submission with its lists encoded as JSON. It is encoded before the transaction begins, which keeps the
-/// transaction short.
-pub(crate) struct EncodedJob {
-    pub(crate) job: NewJob,
-    pub(crate) tags: String,
-    pub(crate) warnings: String,
-    pub(crate) submission_warnings: String,
+/// A list of plain texts or of warnings, as JSON.
+#[expect(clippy::expect_used, reason = "a job without its warnings would mislead its client")]
+pub(crate) fn json<T: Serialize>(list: &[T]) -> String {
+    serde_json::to_string(list).expect("texts are valid JSON")
 }
 
-impl EncodedJob {
-    #[expect(clippy::expect_used, reason = "a job without its warnings would mislead its client")]
-    pub(crate) fn new(job: NewJob) -> Self {
-        let tags = Value::from(job.tags.clone()).to_string();
-        let json = |warnings| serde_json::to_string(warnings).expect("warnings are plain texts");
-        let warnings = json(&job.warnings);
-        let submission_warnings = json(&job.submission_warnings);
-        Self { job, tags, warnings, submission_warnings }
-    }
-
+impl NewJob {
     /// The answer if this submission is a repetition, or uses the idempotency key of another submission.
     pub(crate) async fn repeated(&self, db: &mut impl Connected) -> Result<Option<Submitted>> {
-        let Some(repeatable) = &self.job.repeatable else { return Ok(None) };
+        let Some(repeatable) = &self.repeatable else { return Ok(None) };
         let query = sql!(
             "SELECT id, fingerprint FROM job WHERE owner = $1 AND idempotency_key = $2";
-            &self.job.owner, &repeatable.key
+            &self.owner, &repeatable.key
         );
         let Some(row) = db.row(query).await? else { return Ok(None) };
         if row.get::<&[u8]>("fingerprint")? != repeatable.fingerprint {
@@ -147,8 +135,8 @@ impl EncodedJob {
 
     /// The provenance of an answer that was computed before this job was submitted.
     pub(crate) fn source(&self, program: i64, now: i64) -> Source<'_> {
-        let NewJob { id, key, ref owner, ref task, ref trace, .. } = self.job;
-        let (owner, warnings) = (Some(owner.as_str()), Some(self.submission_warnings.as_str()));
+        let Self { id, key, ref owner, ref task, ref trace, .. } = *self;
+        let (owner, warnings) = (Some(owner.as_str()), Some(json(&self.submission_warnings)));
         let (job, trace, program) = (Some(id), trace.as_deref(), Some(program));
         Source { key, task, owner, job, warnings, trace, program, now }
     }
@@ -161,7 +149,7 @@ impl EncodedJob {
             Some(refusal)
                 if refusal.is_unique_violation() && refusal.constraint() != Some(IDEMPOTENCY) =>
             {
-                Error::JobExists(self.job.id)
+                Error::JobExists(self.id)
             }
             _ => error.into(),
         }

@@ -113,7 +113,7 @@ async fn insert(import: &Import, file: &str, tx: &mut Change<'_>) -> Result<bool
         task,
         owner: owner.as_deref(),
         job: None,
-        warnings: warnings.as_deref(),
+        warnings: warnings.clone(),
         trace: None,
         program,
         now: tx.now().await?,

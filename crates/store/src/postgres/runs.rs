@@ -256,7 +256,7 @@ pub(crate) async fn finish(
     for (claimed, answer) in all {
         let Some(row) = rows.get(&claimed.run) else { continue };
         let task = claimed.task(&mut tx.db).await?;
-        let (key, owner, warnings) = (claimed.key, row.text("owner")?, row.text("warnings")?);
+        let (key, owner, warnings) = (claimed.key, row.text("owner")?, row.get("warnings")?);
         let (job, trace) = (row.get("first_job")?, claimed.trace.as_deref());
         let (program, now) = (Some(tx.of.node.program), row.get("finished")?);
         let source = Source { key, task: &task, owner, job, warnings, trace, program, now };

@@ -12,7 +12,7 @@ use crate::database::statement::sql;
 use crate::database::tables::{Connected, Tables};
 use crate::database::tally::Ending;
 use crate::jobs::read::read_job;
-use crate::jobs::submit::{Admission, EncodedJob, Queued, Submitted};
+use crate::jobs::submit::{Admission, NewJob, Queued, Submitted, json};
 use crate::results::keep::Answered;
 use fretwork_job::{ENGINE, JobState, Origin};
 
@@ -20,7 +20,7 @@ use fretwork_job::{ENGINE, JobState, Origin};
 /// the same time.
 const TRIES: usize = 10;
 
-pub(crate) async fn submit(new: &EncodedJob, tx: &mut Transaction<'_>) -> Result<Submitted> {
+pub(crate) async fn submit(new: &NewJob, tx: &mut Transaction<'_>) -> Result<Submitted> {
     match new.repeated(&mut tx.db).await? {
         Some(repeated) => Ok(repeated),
         None => admit(tx, new).await,
@@ -38,23 +38,23 @@ enum Place {
 }
 
 /// Finds the result or run for a job that is no repetition, and inserts the job.
-async fn admit(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Submitted> {
+async fn admit(tx: &mut Transaction<'_>, new: &NewJob) -> Result<Submitted> {
     for _ in 0..TRIES {
         let query = sql!(
             "SELECT EXISTS (SELECT 1 FROM result WHERE key = $1 AND evicted IS NULL) AS is_known,
                  (SELECT id FROM run WHERE key = $1 AND state IN ('queued', 'running')) AS live";
-            new.job.key
+            new.key
         );
         let row = tx.db.one(query).await?;
-        if row.get("is_known")? && !new.job.afresh {
+        if row.get("is_known")? && !new.afresh {
             return insert(tx, new, &Place::Known).await;
         }
-        if new.job.admission == Admission::OnlyKnown {
+        if new.admission == Admission::OnlyKnown {
             return Ok(Submitted::Unknown);
         }
         let place = match row.get::<Option<i64>>("live")?.map(RunId) {
             Some(run) => join(tx, new, run).await?,
-            None if new.job.admission == Admission::NoNewRun => return Ok(Submitted::NeedsRun),
+            None if new.admission == Admission::NoNewRun => return Ok(Submitted::NeedsRun),
             None => queue(tx, new).await?,
         };
         match place {
@@ -72,8 +72,8 @@ async fn admit(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Submitted> 
 type Found = Result<Option<Place>, Submitted>;
 
 /// Locks a live run, so that it cannot end before the job is inserted.
-async fn join(tx: &mut Transaction<'_>, new: &EncodedJob, run: RunId) -> Result<Found> {
-    if new.job.chunks.is_some() {
+async fn join(tx: &mut Transaction<'_>, new: &NewJob, run: RunId) -> Result<Found> {
+    if new.chunks.is_some() {
         chunks::lock(tx, run).await?;
     }
     let query = sql!(
@@ -92,7 +92,7 @@ async fn join(tx: &mut Transaction<'_>, new: &EncodedJob, run: RunId) -> Result<
 }
 
 /// Queues a new run, unless another server has done so.
-async fn queue(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Found> {
+async fn queue(tx: &mut Transaction<'_>, new: &NewJob) -> Result<Found> {
     if let Some(full) = queue_is_full(tx, new).await? {
         return Ok(Err(full));
     }
@@ -100,7 +100,7 @@ async fn queue(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Found> {
         "INSERT INTO run (key, owner, numerics, created, task, state, changed, trace, warnings)
          VALUES ($1, $2, $3, moment(), $4, 'queued', moment(), $5, $6)
          ON CONFLICT (key) WHERE state IN ('queued', 'running') DO NOTHING RETURNING id";
-        new.job.key, &new.job.owner, ENGINE.numerics, &new.job.task, new.job.trace.as_ref(), &new.submission_warnings
+        new.key, &new.owner, ENGINE.numerics, &new.task, new.trace.as_ref(), json(&new.submission_warnings)
     );
     let Some(row) = tx.db.row(query).await? else { return Ok(Ok(None)) };
     let run = RunId(row.get("id")?);
@@ -109,15 +109,15 @@ async fn queue(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Found> {
     let query = sql!(
         "DELETE FROM run WHERE id = $1 AND NOT $2
              AND EXISTS (SELECT 1 FROM result WHERE key = run.key AND evicted IS NULL)";
-        run, new.job.afresh
+        run, new.afresh
     );
     if tx.db.changed_by(query).await? > 0 {
         return Ok(Ok(None));
     }
-    if let Some(chunks) = new.job.chunks {
+    if let Some(chunks) = new.chunks {
         let query = sql!(
             "INSERT INTO study (run, chunks, stages) VALUES ($1, $2, $3)";
-            run, chunks.get(), &*new.job.stages
+            run, chunks.get(), &*new.stages
         );
         tx.db.execute(query).await?;
     }
@@ -126,52 +126,52 @@ async fn queue(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Found> {
 }
 
 /// The answer to a job that must be queued, if the queue is full.
-async fn queue_is_full(tx: &mut Transaction<'_>, new: &EncodedJob) -> Result<Option<Submitted>> {
+async fn queue_is_full(tx: &mut Transaction<'_>, new: &NewJob) -> Result<Option<Submitted>> {
     let (backlog, dead) = (&tx.of.backlog, tx.of.signals.tally.dead());
     let refused = |queued: Queued| {
         queued.is_full(backlog.limit).then_some(Submitted::QueueFull { queued: queued.all })
     };
-    if let Some(queued) = backlog.queued(&new.job.owner, dead) {
+    if let Some(queued) = backlog.queued(&new.owner, dead) {
         return Ok(refused(queued));
     }
     let begun = Instant::now();
     let query = sql!(
         "SELECT count(*) AS all_jobs, count(*) FILTER (WHERE owner = $1) AS own FROM job WHERE state = 'queued'";
-        &new.job.owner
+        &new.owner
     );
     let row = tx.db.one(query).await?;
     let [all, own] = [row.get::<u64>("all_jobs")?, row.get("own")?].map(|count| count as usize);
     let queued = Queued { all, own };
-    backlog.counted(&new.job.owner, queued, dead, begun);
+    backlog.counted(&new.owner, queued, dead, begun);
     Ok(refused(queued))
 }
 
 /// Inserts a job.
-async fn insert(tx: &mut Transaction<'_>, new: &EncodedJob, place: &Place) -> Result<Submitted> {
+async fn insert(tx: &mut Transaction<'_>, new: &NewJob, place: &Place) -> Result<Submitted> {
     let row = insert_row(tx, new, place).await?;
     let job = read_job(&row)?;
-    if !new.job.tags.is_empty() {
+    if !new.tags.is_empty() {
         sqlx::query("INSERT INTO job_tag (tag, job) SELECT DISTINCT unnest($1::TEXT[]), $2")
-            .bind(&new.job.tags)
-            .bind(new.job.id.0.as_bytes().as_slice())
+            .bind(&new.tags)
+            .bind(new.id.0.as_bytes().as_slice())
             .execute(tx.db.connection())
             .await?;
     }
     if let Place::Run { state, .. } = place {
         if *state == JobState::Queued {
-            tx.of.backlog.grows(&new.job.owner);
+            tx.of.backlog.grows(&new.owner);
         }
         tx.effects.push(Effect::Queued);
     }
     if job.origin == Origin::Cached {
-        tx.effects.push(Effect::Read(new.job.key));
+        tx.effects.push(Effect::Read(new.key));
     }
     tx.effects.push(Effect::Submitted(job.origin));
     Ok(Submitted::Accepted(job))
 }
 
-async fn insert_row(tx: &mut Transaction<'_>, new: &EncodedJob, place: &Place) -> Result<Row> {
-    let job = &new.job;
+async fn insert_row(tx: &mut Transaction<'_>, new: &NewJob, place: &Place) -> Result<Row> {
+    let job = new;
     let repeatable = job.repeatable.as_ref();
     let (run, state, attempt, origin, began) = match *place {
         Place::Known => (None, JobState::Succeeded, 0, Origin::Cached, None),
@@ -196,8 +196,8 @@ async fn insert_row(tx: &mut Transaction<'_>, new: &EncodedJob, place: &Place) -
                  (SELECT least(done, chunks)::DOUBLE PRECISION / chunks FROM study WHERE study.run = job.run),
                  0) AS progress,
              (SELECT summary FROM result WHERE result.key = job.key AND job.state = 'succeeded') AS summary";
-        job.id, &job.owner, job.key, run, state.as_str(), attempt, origin.as_str(), job.label.as_ref(), &new.tags,
-        &new.warnings, job.priority, repeatable.map(|repeatable| &repeatable.key),
+        job.id, &job.owner, job.key, run, state.as_str(), attempt, origin.as_str(), job.label.as_ref(), json(&new.tags),
+        json(&new.warnings), job.priority, repeatable.map(|repeatable| &repeatable.key),
         repeatable.map(|repeatable| &repeatable.fingerprint), job.submitted.as_ref(), job.chunks.is_some(), began
     );
     let row = query.postgres().fetch_one(tx.db.connection()).await;
@@ -208,13 +208,13 @@ async fn insert_row(tx: &mut Transaction<'_>, new: &EncodedJob, place: &Place) -
 /// and a run is live, the jobs use that result or run, and the answer is dropped. If the result is evicted and no run
 /// is live, this returns [`Submitted::NeedsRun`].
 pub(crate) async fn record(
-    (jobs, answer, wall): &(Vec<EncodedJob>, Answered, Duration),
+    (jobs, answer, wall): &(Vec<NewJob>, Answered, Duration),
     tx: &mut Transaction<'_>,
 ) -> Result<Vec<Submitted>> {
     let Some(first) = jobs.first() else { return Ok(Vec::new()) };
     let took = i64::try_from(wall.as_millis()).unwrap_or(i64::MAX);
     let now = tx.now().await?;
-    let (key, source) = (first.job.key, first.source(tx.of.node.program, now));
+    let (key, source) = (first.key, first.source(tx.of.node.program, now));
     let is_stored = keep::store(&mut tx.db, answer, &source, false).await?;
     if is_stored {
         tx.effects.push(Effect::Ended(key));

@@ -244,7 +244,7 @@ pub(crate) struct Source<'a> {
     pub(crate) owner: Option<&'a str>,
     pub(crate) job: Option<JobId>,
     /// The warnings of the submission, as JSON.
-    pub(crate) warnings: Option<&'a str>,
+    pub(crate) warnings: Option<String>,
     pub(crate) trace: Option<&'a str>,
     /// The id of a row in the table `program`.
     pub(crate) program: Option<i64>,
@@ -280,7 +280,7 @@ impl Statement {
             .with(source.task)
             .with(source.owner)
             .with(source.job)
-            .with(source.warnings)
+            .with(source.warnings.as_deref())
             .with(source.trace)
             .with(cost.map(|cost| cost.wall.as_secs_f64()))
             .with(cost.and_then(|cost| cost.cpu).map(|cpu| cpu.as_secs_f64()))

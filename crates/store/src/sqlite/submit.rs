@@ -14,15 +14,15 @@ use crate::database::tables::{Connected, Tables};
 use crate::database::tally::Ending;
 use crate::jobs::claimed::Stages;
 use crate::jobs::read::read_job;
-use crate::jobs::submit::{Admission, EncodedJob, Queued, Submitted};
+use crate::jobs::submit::{Admission, NewJob, Queued, Submitted, json};
 use crate::results::keep::Answered;
 use fretwork_job::{JobState, Origin};
 
-impl EncodedJob {
+impl NewJob {
     /// The answer if the submission is refused.
     async fn refusal(&self, tx: &mut Transaction) -> Result<Option<Submitted>> {
-        let admission = self.job.admission;
-        let queued = Queued { all: tx.queue.jobs, own: tx.queue.waiting_of(&self.job.owner) };
+        let admission = self.admission;
+        let queued = Queued { all: tx.queue.jobs, own: tx.queue.waiting_of(&self.owner) };
         if admission != Admission::OnlyKnown && !queued.is_full(tx.queue_limit) {
             return Ok(None);
         }
@@ -31,12 +31,12 @@ impl EncodedJob {
              FROM (SELECT $1 AS key) AS asked
              LEFT JOIN result ON result.key = asked.key
              LEFT JOIN run ON run.key = asked.key AND run.state IN ('queued', 'running')";
-            self.job.key
+            self.key
         );
         let row = tx.db.one(query).await?;
         // A job that needs neither a worker nor a place in the queue is always accepted.
         Ok(match row.text("live")? {
-            _ if row.get("is_known")? && !self.job.afresh => None,
+            _ if row.get("is_known")? && !self.afresh => None,
             _ if admission == Admission::OnlyKnown => Some(Submitted::Unknown),
             Some("running") => None,
             None if admission == Admission::NoNewRun => Some(Submitted::NeedsRun),
@@ -48,16 +48,16 @@ impl EncodedJob {
     async fn insert(&self, tx: &mut Transaction) -> Result<Submitted> {
         let query = self.bind(Statement::of(SUBMIT.as_str()), tx.now, None);
         let row = self.inserted(query, tx).await?;
-        if let (Some(chunks), Some(row)) = (self.job.chunks, &row)
+        if let (Some(chunks), Some(row)) = (self.chunks, &row)
             && row.get::<Origin>("origin")? == Origin::Computed
         {
             let (run, chunks) = (RunId(row.get("run")?), chunks.get());
             let insert = sql!(
                 "INSERT INTO study (run, chunks, stages) VALUES ($1, $2, $3)";
-                run, chunks, &*self.job.stages
+                run, chunks, &*self.stages
             );
             tx.db.execute(insert).await?;
-            tx.queue.add_study(run, chunks, Stages::read(&self.job.stages));
+            tx.queue.add_study(run, chunks, Stages::read(&self.stages));
         }
         self.submitted(tx, row)
     }
@@ -71,45 +71,43 @@ impl EncodedJob {
 
     /// Adds the values of the parameters of [`RUN`] and [`JOB`].
     fn bind(&self, query: Statement, now: i64, recorded: Option<Recorded>) -> Statement {
-        let new = &self.job;
-        let repeatable = new.repeatable.as_ref();
+        let repeatable = self.repeatable.as_ref();
         query
-            .with(new.key)
-            .with(&new.owner)
+            .with(self.key)
+            .with(&self.owner)
             .with(recorded.map(|recorded| recorded.began))
-            .with(&new.task)
-            .with(new.afresh)
-            .with(new.trace.as_ref())
-            .with(new.admission == Admission::NoNewRun)
+            .with(&self.task)
+            .with(self.afresh)
+            .with(self.trace.as_ref())
+            .with(self.admission == Admission::NoNewRun)
             .with(recorded.and_then(|recorded| recorded.origin).map(Origin::as_str))
-            .with(new.id)
-            .with(new.label.as_ref())
-            .with(&self.tags)
-            .with(&self.warnings)
-            .with(new.priority)
+            .with(self.id)
+            .with(self.label.as_ref())
+            .with(json(&self.tags))
+            .with(json(&self.warnings))
+            .with(self.priority)
             .with(repeatable.map(|repeatable| &repeatable.key))
             .with(repeatable.map(|repeatable| &repeatable.fingerprint))
-            .with(new.submitted.as_ref())
+            .with(self.submitted.as_ref())
             .with(now)
-            .with(&self.submission_warnings)
-            .with(new.submitted.as_deref().map(checksum))
+            .with(json(&self.submission_warnings))
+            .with(self.submitted.as_deref().map(checksum))
     }
 
     /// Adds an inserted job to the queue if necessary, and adds the signals. `row` is the row that [`JOB`] has
     /// returned.
     fn submitted(&self, tx: &mut Transaction, row: Option<Row>) -> Result<Submitted> {
-        let new = &self.job;
         let Some(row) = row else { return Ok(Submitted::NeedsRun) };
         let job = read_job(&row)?;
         let (origin, state) = (job.origin, job.state);
         let run = row.get::<Option<i64>>("run")?.map(RunId);
         // A running study is also in the queue, because workers can still claim pieces of it.
         if let Some(run) = run.filter(|run| state == JobState::Queued || tx.queue.is_study(*run)) {
-            tx.queue.add(run, &new.owner, new.priority, new.id);
+            tx.queue.add(run, &self.owner, self.priority, self.id);
             tx.effects.push(Effect::Queued);
         }
         if origin == Origin::Cached {
-            tx.effects.push(Effect::Read(new.key));
+            tx.effects.push(Effect::Read(self.key));
         }
         tx.effects.push(Effect::Submitted(origin));
         Ok(Submitted::Accepted(job))
@@ -158,7 +156,7 @@ const JOB: &str = "
 /// `fetch_optional` skips all statements after the first row.
 static SUBMIT: LazyLock<String> = LazyLock::new(|| format!("{RUN}; {JOB}"));
 
-pub(crate) async fn submit(submission: &EncodedJob, tx: &mut Transaction) -> Result<Submitted> {
+pub(crate) async fn submit(submission: &NewJob, tx: &mut Transaction) -> Result<Submitted> {
     if let Some(repeated) = submission.repeated(&mut tx.db).await? {
         return Ok(repeated);
     }
@@ -184,13 +182,13 @@ static RECORD: LazyLock<String> = LazyLock::new(|| format!("{}; {JOB}", keeping(
 /// and a run is live, the jobs use that result or run, and the answer is dropped. If the result is evicted and no run
 /// is live, this returns [`Submitted::NeedsRun`].
 pub(crate) async fn record(
-    (jobs, answer, wall): &(Vec<EncodedJob>, Answered, Duration),
+    (jobs, answer, wall): &(Vec<NewJob>, Answered, Duration),
     tx: &mut Transaction,
 ) -> Result<Vec<Submitted>> {
     let took = i64::try_from(wall.as_millis()).unwrap_or(i64::MAX);
     let (began, now) = (tx.now.saturating_sub(took), tx.now);
     let Some((first, others)) = jobs.split_first() else { return Ok(Vec::new()) };
-    let (key, source) = (first.job.key, first.source(tx.program, now));
+    let (key, source) = (first.key, first.source(tx.program, now));
     let recorded = Some(Recorded { origin: Some(Origin::Computed), began });
     let query = first.bind(Statement::of(RECORD.as_str()), now, recorded);
     let row = first.inserted(query.with_result(answer, &source), tx).await?;
