@@ -1,6 +1,7 @@
 //! Cells of a table: numbers, with errors and units.
 
 use super::units::{exponent, unit};
+use crate::notes::Notes;
 
 /// Texts that stand for an unknown number.
 const UNKNOWN: [&str; 8] = ["", "-", "–", "—", "nan", "na", "n/a", "null"];
@@ -128,7 +129,7 @@ impl Spelling {
         &self,
         decimal: Option<char>,
         is_between_commas: bool,
-        notes: &mut Vec<String>,
+        notes: &mut Notes,
     ) -> Result<(), String> {
         let Self([points, commas, [_, space]]) = self;
         let [point, comma] =

@@ -7,6 +7,14 @@ const PAIRS: usize = 100;
 /// In few strokes, a drift by a smaller share of the range is not known.
 const SMALL: f64 = 0.05;
 
+/// The rows, if they are enough.
+pub fn enough<T>(rows: Vec<T>, least: usize, what: &str) -> Result<Vec<T>, String> {
+    match rows.len() {
+        count if count < least => Err(format!("needs {least} {what}, but the file has {count}")),
+        _ => Ok(rows),
+    }
+}
+
 /// The smallest and the largest number.
 pub fn ends(values: impl Iterator<Item = f64>) -> [f64; 2] {
     let first = [f64::INFINITY, f64::NEG_INFINITY];

@@ -9,6 +9,7 @@ mod curve;
 mod lines;
 mod loops;
 mod names;
+mod notes;
 mod record;
 mod table;
 mod text;
@@ -22,6 +23,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use names::{is_increment, is_index};
+use notes::Notes;
 use table::{SIGMA, Table};
 use units::{MASSES, unit};
 
@@ -82,13 +84,15 @@ pub fn read(bytes: &[u8], wanted: &Wanted<'_>) -> Result<Measured, Faults> {
         let errors = if wanted.prepare == Prepare::Points { &*errors } else { "" };
         notes.push(format!("Columns that were not used: “{others}”.{errors}"));
     }
+    let rows = x.values.iter().zip(&y.values).filter_map(|(x, y)| Some(((*x)?, (*y)?)));
+    let rows: Vec<(f64, f64)> = rows.collect();
     let prepared = match wanted.prepare {
         Prepare::Points => {
             let sigma = columns.iter().find(|column| column.name == sigma && column.unit == y.unit);
             Ok(points(&x, &y, sigma, &mut notes)?)
         }
-        Prepare::Loop => loops::loops(&x.values, &y.values, &mut notes),
-        _ => trace::profile((&x.values, &y.values), wanted, &mut notes),
+        Prepare::Loop => loops::loops(rows, &mut notes),
+        _ => trace::profile(rows, wanted, &mut notes),
     };
     let prepared = prepared.map_err(|detail| Faults::one("/prepare", detail))?;
     Ok(Measured { columns, tables, prepared, notes })
@@ -100,7 +104,7 @@ fn points(
     x: &Column,
     y: &Column,
     sigma: Option<&Column>,
-    notes: &mut Vec<String>,
+    notes: &mut Notes,
 ) -> Result<Value, Faults> {
     let name = &y.name;
     if is_increment(name) {
@@ -121,34 +125,30 @@ fn points(
         );
         return Err(Faults::one("/y", detail));
     }
-    let is_over =
-        x.unit.as_ref().is_none_or(|unit| ["1", "J"].contains(&&**unit)) && !is_index(&x.name);
-    let example = OUTPUTS.iter().find(|it| it.0 == needed).map_or(needed, |it| it.2);
-    let why = match own {
-        Some(own) if is_over && unit(own).is_some() => None,
-        Some(_) => Some(
-            "There are no data for a fit: x must be cycles or an energy, and y needs a known unit."
-                .into(),
-        ),
-        None => {
-            let one = format!("{name} [{example}]");
-            let all = format!(
-                "{name} [mm^3] for volumes, {name} [um] for depths, or {name} [mg] for masses"
-            );
-            Some(format!(
-                "“{name}” has no unit, so there are no data for a fit. Write the unit into the row of names, or choose the \
-                 column with its unit as y: {}.",
-                if is_output { one } else { all }
-            ))
-        }
-    };
-    if let Some(why) = why {
+    let mut without = |why: String| {
         notes.push(why);
-        return Ok(json!({"data": null}));
+        Ok(json!({"data": null}))
+    };
+    let Some(own) = own else {
+        let example = OUTPUTS.iter().find(|it| it.0 == needed).map_or(needed, |it| it.2);
+        let examples = if is_output {
+            format!("{name} [{example}]")
+        } else {
+            format!("{name} [mm^3] for volumes, {name} [um] for depths, or {name} [mg] for masses")
+        };
+        return without(format!(
+            "“{name}” has no unit, so there are no data for a fit. Write the unit into the row of names, or choose the column \
+             with its unit as y: {examples}."
+        ));
+    };
+    let is_plain = x.unit.as_ref().is_none_or(|unit| ["1", "J"].contains(&&**unit));
+    if !is_plain || is_index(&x.name) || unit(own).is_none() {
+        let why =
+            "There are no data for a fit: x must be cycles or an energy, and y needs a known unit.";
+        return without(why.to_owned());
     }
     let is_energy = x.dimension == Some(Dimension::Energy) || x.name == "dissipated_energy";
     let over = if is_energy { "dissipated_energy" } else { "cycles" };
-    let own = own.unwrap_or_default();
     notes.push(format!("y was taken as the output {output} over {over}, in {own}."));
     let known = |column: &Column| -> Value {
         let rows = x.values.iter().zip(&column.values).filter(|(x, _)| x.is_some());

@@ -11,7 +11,7 @@ pub const MAX_ROWS: usize = 1_000_000;
 /// Maximum number of columns of a table.
 const MAX_COLUMNS: usize = 64;
 /// Maximum number of other lines.
-pub const MAX_HEAD: usize = 1000;
+const MAX_HEAD: usize = 1000;
 /// Number of last lines that decide on the separator, and of first rows that decide on the columns of a table.
 const SAMPLE: usize = 500;
 /// Shorter tables are settings if another table has this many times as many rows.
@@ -25,7 +25,7 @@ const SEPARATORS: [(char, &str); 4] =
 /// What to write instead of a file without a table.
 const WIDE: &str = "Write 2 to 64 columns, separated by semicolons, tabs, commas or spaces, and one row for each point";
 /// The fault of a table whose lines are quantities.
-pub const TRANSPOSED: &str = "Each line of the table is a quantity, and each column a point. Transpose the table: write the \
+const TRANSPOSED: &str = "Each line of the table is a quantity, and each column a point. Transpose the table: write the \
                               names with their units in one row, and one row of numbers for each point";
 
 /// The cells of a line.
@@ -135,16 +135,6 @@ pub struct Block {
     pub layout: Layout,
 }
 
-impl Block {
-    /// The fault of a table with too many columns: most of these are maps.
-    pub fn wide_fault(&self) -> Option<String> {
-        let width = self.layout.cells;
-        let fault = || map_fault(self.rows.len(), width, None);
-        (width > MAX_COLUMNS)
-            .then(|| fault().unwrap_or_else(|| format!("The table has {width} columns. {WIDE}")))
-    }
-}
-
 /// The lines of a file, and their tables.
 pub struct Lines<'a> {
     /// The number of each line in the file, and its text.
@@ -170,9 +160,12 @@ impl<'a> Lines<'a> {
         })?;
         let all = lines(text, separator)?;
         let mut own = Self { all, separator, separators, blocks: Vec::new() };
-        // Such a file has too many rows, wherever its table is.
-        if own.all.len() <= MAX_HEAD + MAX_ROWS {
-            own.blocks = own.blocks();
+        let is_long = own.all.len() > MAX_HEAD + MAX_ROWS;
+        own.blocks = if is_long { Vec::new() } else { own.blocks() };
+        if is_long || own.blocks.iter().any(|block| block.rows.len() > MAX_ROWS) {
+            return Err(format!(
+                "The table has more than {MAX_ROWS} rows. Keep, for example, every tenth row"
+            ));
         }
         Ok(own)
     }
@@ -237,33 +230,32 @@ impl<'a> Lines<'a> {
         blocks
     }
 
-    /// Whether each line of a table is a quantity: its name, and then its numbers.
-    pub fn is_transposed(&self, block: &Block) -> bool {
-        let rows: Vec<_> = block.rows.clone().take(SAMPLE).map(|at| self.cells(at)).collect();
-        let is_quantity = |cells: &Vec<Cow<'_, str>>| header(&cells[0]).1.is_some();
-        rows.iter().all(|cells| weight(&cells[0]) < 0 && is_word(&cells[0]))
-            && (rows.len() < block.layout.count() || rows.iter().any(is_quantity))
+    /// Why a table is none of points: it is a map of heights, has too many columns, or each of its lines is a quantity.
+    pub fn shape_fault(&self, block: &Block, has_names: bool) -> Option<String> {
+        let (count, width) = (block.rows.len(), block.layout.cells);
+        let first = block.rows.clone().take(SAMPLE).map(|at| self.cells(at).into_iter().next());
+        let first: Vec<_> = first.map(Option::unwrap_or_default).collect();
+        let known: Vec<f64> =
+            first.iter().filter_map(|cell| number(cell)).filter(|it| !it.is_nan()).collect();
+        let changes = |sign: f64| known.windows(2).any(|pair| sign * (pair[1] - pair[0]) > 0.0);
+        let is_wide = width > MAX_COLUMNS;
+        // The first column of a map goes up and down.
+        let is_map = is_wide || !has_names && changes(1.0) && changes(-1.0);
+        if is_map && count.min(width) >= MAP {
+            return Some(format!(
+                "The file is a map of {count} × {width} heights, and no table. In the program of the instrument, take a profile \
+                 across the scar, and save it as two columns with names such as x [mm];z [um]"
+            ));
+        }
+        let is_transposed = !has_names
+            && first.iter().all(|cell| weight(cell) < 0 && is_word(cell))
+            && (count < block.layout.count() || first.iter().any(|cell| header(cell).1.is_some()));
+        let wide = is_wide.then(|| format!("The table has {width} columns. {WIDE}"));
+        wide.or_else(|| is_transposed.then(|| TRANSPOSED.to_owned()))
     }
 
     /// Whether all cells of a line are units.
     pub fn is_units(cells: &[Cow<'_, str>]) -> bool {
         cells.iter().all(|cell| unit(cell).is_some() || header(cell).0.is_empty())
     }
-}
-
-/// The fault of a map of heights. Its first column goes up and down.
-pub fn map_fault(rows: usize, columns: usize, first: Option<&[Option<f64>]>) -> Option<String> {
-    let changes = |sign: f64| {
-        first.is_none_or(|first| {
-            let known: Vec<f64> = first.iter().copied().flatten().collect();
-            known.windows(2).any(|pair| sign * (pair[1] - pair[0]) > 0.0)
-        })
-    };
-    let is_map = rows.min(columns) >= MAP && changes(1.0) && changes(-1.0);
-    is_map.then(|| {
-        format!(
-            "The file is a map of {rows} × {columns} heights, and no table. In the program of the instrument, take a profile \
-             across the scar, and save it as two columns with names such as x [mm];z [um]"
-        )
-    })
 }

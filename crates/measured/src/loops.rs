@@ -17,8 +17,9 @@
 
 use serde_json::{Map, Value, json};
 
-use super::curve::{is_spike, median, noise, period, spread};
+use super::curve::{enough, is_spike, median, noise, period, spread};
 use super::record::{Cycle, NOISE, Record};
+use crate::notes::Notes;
 
 /// A spike is off its neighbours by this share of the spread.
 const SPIKE: f64 = 0.2;
@@ -57,7 +58,7 @@ fn fault(record: &Record, cycles: &[Cycle], at: usize) -> Option<&'static str> {
 }
 
 /// Leaves out spikes: rows that are far off their neighbours.
-fn without_spikes(rows: Vec<(f64, f64)>, notes: &mut Vec<String>) -> (Vec<f64>, Vec<f64>) {
+fn without_spikes(rows: Vec<(f64, f64)>, notes: &mut Notes) -> (Vec<f64>, Vec<f64>) {
     let (x, force): (Vec<f64>, Vec<f64>) = rows.into_iter().unzip();
     let reach = (period(&x) / SPIKES.0).clamp(2.0, SPIKES.1) as usize;
     let limits = [&x, &force].map(|all| (all, (SPIKE * spread(all)).max(NOISE * noise(all))));
@@ -74,17 +75,8 @@ fn without_spikes(rows: Vec<(f64, f64)>, notes: &mut Vec<String>) -> (Vec<f64>, 
 ///
 /// # Errors
 /// The record has no whole cycle.
-pub fn loops(
-    x: &[Option<f64>],
-    force: &[Option<f64>],
-    notes: &mut Vec<String>,
-) -> Result<Value, String> {
-    let rows: Vec<_> = x.iter().zip(force).filter_map(|(x, y)| Some(((*x)?, (*y)?))).collect();
-    if rows.len() < LEAST {
-        let count = rows.len();
-        return Err(format!("needs {LEAST} rows with both numbers, but the file has {count}"));
-    }
-    let (x, force) = without_spikes(rows, notes);
+pub fn loops(rows: Vec<(f64, f64)>, notes: &mut Notes) -> Result<Value, String> {
+    let (x, force) = without_spikes(enough(rows, LEAST, "rows with both numbers")?, notes);
     let count = x.len();
     let record = Record::of(x, force);
     let cycles = record.cycles();
@@ -135,7 +127,7 @@ pub fn loops(
 }
 
 /// Says which rows are whole cycles, and what limits their energies.
-fn tell(cycles: &[[f64; 8]], [before, after]: [usize; 2], notes: &mut Vec<String>) {
+fn tell(cycles: &[[f64; 8]], [before, after]: [usize; 2], notes: &mut Notes) {
     let count = cycles.len();
     notes.push(format!(
         "The rows are {count} cycle(s), each of which a line closes. The energy is their mean. The table has each of them."

@@ -9,10 +9,11 @@ use fretwork_engine::request::quantity::Dimension;
 use serde::Serialize;
 
 use super::cell::{Spelling, is_bad, ungrouped, written};
-use super::lines::{Block, Lines, MAX_HEAD, MAX_ROWS, TRANSPOSED, map_fault};
+use super::lines::{Block, Lines};
 use super::names::{friction, function, is_count, is_index};
 use super::text::decode;
 use super::units::{GRAVITY, header, unit};
+use crate::notes::Notes;
 
 /// Maximum number of characters of a name, and of a cell in a fault.
 const MAX_NAME: usize = 200;
@@ -44,7 +45,7 @@ pub struct Column {
 
 impl Column {
     /// Converts the values from the unit `text` to SI.
-    fn convert(&mut self, text: &str, notes: &mut Vec<String>) -> Result<(), String> {
+    fn convert(&mut self, text: &str, notes: &mut Notes) -> Result<(), String> {
         let is_same = self.stated.as_ref().map(|own| unit(own) == unit(text));
         if text.contains('[') || is_same == Some(false) {
             let own = self.stated.as_ref().map_or(String::new(), |own| format!("[{own}] "));
@@ -89,18 +90,15 @@ impl<'a> Lines<'a> {
             let mut names = row.iter().filter(|cell| !cell.is_empty());
             names.any(|name| row.iter().filter(|own| *own == name).count() > 1)
         };
-        let none = Row::new();
-        match (above(1), above(2)) {
-            (Some(units), Some(names)) if Self::is_units(&units) => [names, none, units],
-            (Some(names), Some(units)) if Self::is_units(&units) => [names, none, units],
-            (Some(names), Some(upper))
-                if is_double(&names) || has_unit(&upper) && !has_unit(&names) =>
-            {
-                [names, upper, none]
-            }
-            (Some(names), _) => [names, none.clone(), none],
-            (None, _) => [none.clone(), none, self.bare_units(block)],
-        }
+        let mut rows: Vec<_> = [1, 2].into_iter().map_while(above).collect();
+        let at = rows.iter().position(|row| rows.len() > 1 && Self::is_units(row));
+        let units = at.map(|at| rows.remove(at));
+        let is_upper =
+            |upper: &Row<'_>| is_double(&rows[0]) || has_unit(upper) && !has_unit(&rows[0]);
+        let upper = rows.get(1).filter(|upper| is_upper(upper)).cloned();
+        let bare = || if rows.is_empty() { self.bare_units(block) } else { Row::new() };
+        let units = units.unwrap_or_else(bare);
+        [rows.into_iter().next().unwrap_or_default(), upper.unwrap_or_default(), units]
     }
 
     /// A row above a table that has only a unit for each column, with spaces between them.
@@ -112,7 +110,7 @@ impl<'a> Lines<'a> {
     }
 
     /// Says which lines were not read.
-    fn tell_skipped(&self, lines: Range<usize>, place: &str, notes: &mut Vec<String>) {
+    fn tell_skipped(&self, lines: Range<usize>, place: &str, notes: &mut Notes) {
         if !lines.is_empty() {
             let first: String = self.all[lines.start].1.trim().chars().take(40).collect();
             let count = lines.len();
@@ -121,11 +119,7 @@ impl<'a> Lines<'a> {
     }
 
     /// The headers of the columns, from the rows above them, and whether these have names.
-    fn headers(
-        &self,
-        block: &Block,
-        notes: &mut Vec<String>,
-    ) -> Result<(Vec<String>, bool), String> {
+    fn headers(&self, block: &Block, notes: &mut Notes) -> Result<(Vec<String>, bool), String> {
         let [names, upper, units] = self.head(block);
         let count = [&names, &upper, &units].into_iter().filter(|row| !row.is_empty()).count();
         let count = if names.is_empty() { 0 } else { count };
@@ -169,7 +163,7 @@ impl<'a> Lines<'a> {
         block: &Block,
         headers: &[String],
         decimal: Option<char>,
-        notes: &mut Vec<String>,
+        notes: &mut Notes,
     ) -> Result<Vec<Column>, String> {
         let mut columns = vec![Column::default(); headers.len()];
         let mut spelling = Spelling::default();
@@ -250,19 +244,10 @@ impl Table {
         let place = |block: &Block| [lines.all[block.rows.start].0, block.rows.len()];
         let all: Vec<_> = lines.blocks.iter().map(place).collect();
         let block = wanted.checked_sub(1).and_then(|at| lines.blocks.get(at));
-        let first = block.map_or(MAX_HEAD, |block| block.rows.start.min(MAX_HEAD));
-        if lines.all.len().saturating_sub(first) > MAX_ROWS {
-            return Err(format!(
-                "The table has more than {MAX_ROWS} rows. Keep, for example, every tenth row"
-            ));
-        }
         let block = block.ok_or_else(|| {
             let count = all.len();
             format!("The file has {count} table(s), and no table {wanted}. Write table=1, or leave it out")
         })?;
-        if let Some(fault) = block.wide_fault() {
-            return Err(fault);
-        }
         notes.push(format!("Cells are separated by {}.", lines.separators));
         if all.len() > 1 {
             let others = all.iter().map(|[line, rows]| format!("line {line} ({rows} rows)"));
@@ -276,8 +261,8 @@ impl Table {
             lines.tell_skipped(block.rows.end..lines.all.len(), "after", &mut notes);
         }
         let (headers, has_names) = lines.headers(block, &mut notes)?;
-        if !has_names && lines.is_transposed(block) {
-            return Err(TRANSPOSED.into());
+        if let Some(fault) = lines.shape_fault(block, has_names) {
+            return Err(fault);
         }
         let columns = lines.columns(block, &headers, decimal, &mut notes)?;
         let mut table = Self { columns: Vec::new(), notes, all };
@@ -285,9 +270,7 @@ impl Table {
             let is_count = has_names && head == "column 1" && is_count(&cells.values);
             table.add(if is_count { "index" } else { head }, cells)?;
         }
-        let first = table.columns.first().filter(|_| !has_names);
-        let map = first.and_then(|it| map_fault(block.rows.len(), headers.len(), Some(&it.values)));
-        map.map_or(Ok(table), Err)
+        Ok(table)
     }
 
     /// Adds a column, and one with the errors of its numbers if they have some.

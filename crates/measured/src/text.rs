@@ -1,5 +1,7 @@
 //! The bytes of a file as text.
 
+use crate::notes::Notes;
+
 /// The first bytes of files that are no text.
 const OTHERS: [(&[u8], &str); 8] = [
     (b"PK\x03\x04", "a ZIP archive, such as a workbook (.xlsx, .ods)"),
@@ -31,7 +33,7 @@ pub fn marked(bytes: &[u8]) -> Option<String> {
 ///
 /// # Errors
 /// The file is no text.
-pub fn decode(bytes: &[u8], notes: &mut Vec<String>) -> Result<String, String> {
+pub fn decode(bytes: &[u8], notes: &mut Notes) -> Result<String, String> {
     let (text, encoding) = match (marked(bytes), str::from_utf8(bytes)) {
         (Some(text), Err(_)) => (text, Some("UTF-16")),
         (Some(text), Ok(_)) if bytes.contains(&0) => (text, Some("UTF-16")),

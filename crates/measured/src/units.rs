@@ -16,6 +16,9 @@ const OTHERS: &str = "Å 0.1nm pm 0.001nm gf 0.00980665N kgf 9.80665N kp 9.80665
 const WORDS: &str = "micron um angstrom Å meter m metre m newton N pascal Pa joule J gram g gramforce gf kilogramforce kgf \
                      inch in inche in degree deg radian rad sec s second s minute min hour h percent %";
 const PREFIXES: &str = "nano n micro u milli m centi c kilo k mega M giga G";
+/// Texts for many cycles. The first of each stands alone, too.
+const COUNTS: [(&str, f64); 2] =
+    [("thousand k kilo 10^3 10³ 1e3 1000", 1e3), ("million m mega 10^6 10⁶ 1e6 1000000", 1e6)];
 /// Powers of length and force of the dimensions that a product of units can have.
 const PRODUCTS: [(Dimension, [i32; 2]); 7] = [
     (Dimension::Length, [1, 0]),
@@ -58,13 +61,11 @@ fn symbol(text: &str) -> String {
 fn counts(text: &str) -> Option<f64> {
     let lower = text.to_lowercase().replace("cycles", "cycle");
     let before = lower.strip_suffix("cycle").or_else(|| lower.strip_prefix("cycle_"));
-    match before.unwrap_or(&lower).trim().trim_end_matches(" of").trim_end_matches('s') {
-        "thousand" => Some(1e3),
-        "million" => Some(1e6),
-        "k" | "kilo" | "10^3" | "10³" | "1e3" | "1000" if before.is_some() => Some(1e3),
-        "m" | "mega" | "10^6" | "10⁶" | "1e6" | "1000000" if before.is_some() => Some(1e6),
-        _ => None,
-    }
+    let word = before.unwrap_or(&lower).trim().trim_end_matches(" of").trim_end_matches('s');
+    let is_word = |list: &str| {
+        list.split(' ').take(if before.is_some() { 7 } else { 1 }).any(|it| it == word)
+    };
+    COUNTS.into_iter().find(|it| is_word(it.0)).map(|it| it.1)
 }
 
 /// Reads the unit of a header or of a cell.

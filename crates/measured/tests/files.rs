@@ -226,6 +226,10 @@ fn a_bad_file_is_refused_with_a_remedy() {
         ),
         (b"a;b\n1;2\n3;x\n4;5\n6;y\n", "Line 3: “x” in “b” is not a number. Write it like 1234.5"),
         (b"a;b\n1;x\n3;2\n4;5\n", "Line 2: “x”"),
+        (
+            "x\u{202f} [u1m];z [#u1 000m]\n\"\n4z\t5a1;2\n3;4\n#Fx5;)7\n".as_bytes(),
+            "Line 2 has 0 cell(s), but the table has 2 columns",
+        ),
         (b"a;b\n1;2\n3;inf\n4;5\n", "“inf” in"),
         (
             b"a;b\n1.000.000;2\n3;4\n5;6\n",

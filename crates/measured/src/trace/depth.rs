@@ -15,9 +15,9 @@ const FACTOR: f64 = 1.4;
 const LAST: f64 = 0.7;
 
 /// The largest depth of the scar, and its standard deviation.
-pub fn deepest(scar: &Scar<'_>) -> Size {
+pub fn deepest(scar: &Scar) -> Size {
     let (range, surface) = (&scar.range, &scar.found.surface);
-    let depths = scar.depths(range);
+    let depths = scar.found.depths(range);
     let count = depths.len() as f64;
     let (mut size, mut before, mut least) = ((FIRST * count).max(FEWEST), None, f64::NEG_INFINITY);
     let (mut found, mut errors, mut near) = (0.0, [surface.scatter, 0.0, 0.0, 0.0], 0..0);

@@ -5,6 +5,7 @@ use serde_json::{Value, json};
 use fretwork_engine::scenario;
 
 use super::radial::Radial;
+use crate::notes::Notes;
 
 /// Loads in N for which an indenter is tried.
 const LOADS: [f64; 5] = [10.0, 1.0, 100.0, 0.1, 1000.0];
@@ -45,7 +46,7 @@ fn convex(radius: &[f64], height: &[f64]) -> Vec<f64> {
 }
 
 /// The heights over radii, made convex within the noise if a scenario would refuse them. Null if it would refuse these, too.
-pub fn of(radial: &Radial, scatter: f64, notes: &mut Vec<String>) -> Value {
+pub fn of(radial: &Radial, scatter: f64, notes: &mut Notes) -> Value {
     let Radial { radius, height, .. } = radial;
     let table = |height: &[f64]| json!({"shape": "table", "radius": radius, "height": height});
     let Some(detail) = refused(radius, height) else { return table(height) };

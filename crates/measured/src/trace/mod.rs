@@ -22,6 +22,7 @@ mod wanted;
 
 use serde_json::{Value, json};
 
+use crate::notes::Notes;
 use points::ascending;
 use radial::Radial;
 use scar::CHOOSE;
@@ -38,17 +39,17 @@ const UM: f64 = 1e6;
 /// # Errors
 /// The points are no trace, or it is doubtful what the scar is.
 pub fn profile(
-    (x, z): (&[Option<f64>], &[Option<f64>]),
+    rows: Vec<(f64, f64)>,
     wanted: &Wanted<'_>,
-    notes: &mut Vec<String>,
+    notes: &mut Notes,
 ) -> Result<Value, String> {
     let is_half = wanted.prepare == Prepare::Half;
-    let points = ascending((x, z), is_half, notes)?;
+    let points = ascending(rows, is_half, notes)?;
     let mirrored = wanted.scar.filter(|_| is_half).map(|[_, to]| [-to, to]);
     let wanted = &Wanted { scar: mirrored.or(wanted.scar), ..*wanted };
-    let scar = &scar::scar(&points, wanted, notes)?;
+    let scar = &scar::scar(points, wanted, notes)?;
     let sizes = &Sizes::new(scar, wanted.centre);
-    let (first, last, axis) = (points[0].0, points[points.len() - 1].0, sizes.axis.0);
+    let ([first, last], axis) = (scar.found.ends(&(0..scar.found.points.len())), sizes.axis.0);
     let ends = scar.ends();
     let half = ends.map_or(0.0, |ends| 0.5 * (ends[1] - ends[0]));
     if (axis - first).min(last - axis) <= half {
@@ -56,7 +57,7 @@ pub fn profile(
     }
     let radial = &Radial::of(sizes, half, wanted.level);
     let unworn = &scar.found.surface;
-    let is_ball = unworn.is_round && scar.outwards * unworn.bend() <= 0.0;
+    let is_ball = unworn.is_round && unworn.bend() <= 0.0;
     let indenter = if is_ball { indenter::of(radial, unworn.scatter, notes) } else { Value::Null };
     let [removed, added] = [&scar.removed, &scar.added].map(|parts| sizes.area(parts));
     let (deepest, volume) = (depth::deepest(scar), sizes.volume(&scar.removed));
@@ -89,11 +90,11 @@ fn tell(
     radial: &Radial,
     [depth, removed, added, volume]: [&Size; 4],
     wanted: &Wanted<'_>,
-    notes: &mut Vec<String>,
+    notes: &mut Notes,
 ) {
     let surface = &scar.found.surface;
     let or_empty = |is_so: bool, words: &'static str| if is_so { words } else { "" };
-    let hollow = or_empty(scar.outwards * surface.bend() > 0.0, ", and the surface is hollow");
+    let hollow = or_empty(surface.bend() > 0.0, ", and the surface is hollow");
     let line = ". A line was subtracted from the trace before, so the circle has its own tilt";
     let line = or_empty(surface.is_sheared(), line);
     let plane = || "Outside of the scar, the surface is plane within its scatter.".to_owned();

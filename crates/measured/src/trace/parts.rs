@@ -4,12 +4,11 @@
 //! mean falls below a quarter of that (a threshold with hysteresis). So single points of noise are no parts. The standard
 //! deviation is that of moving means of the unworn surface, so that waves are no parts either.
 
-use std::fmt::{self, Display, Formatter};
 use std::ops::Range;
 
-use super::points::{median, noise, resolution};
-use super::surface::Surface;
-use crate::curve::smooth;
+use super::points::{noise, resolution};
+use super::surface::{Points, Surface};
+use crate::curve::{median, smooth};
 
 /// One in this many points at each end must be unworn.
 pub const UNWORN: usize = 10;
@@ -28,32 +27,8 @@ const TRIES: usize = 40;
 /// Where the unworn surface is searched, a point is unworn within this many standard deviations.
 const NEAR: f64 = 3.0;
 
-/// A part above or below the unworn surface, or several of one sign with what is between them.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Part {
-    /// Its points.
-    pub range: Range<usize>,
-    /// Its ends in x.
-    pub ends: [f64; 2],
-    /// The area between the trace and the unworn surface, above 0 where the trace is above.
-    pub area: f64,
-}
-
-impl Part {
-    /// This part and another one.
-    pub fn with(&self, other: &Self) -> Self {
-        let [from, to] = [self.ends[0].min(other.ends[0]), self.ends[1].max(other.ends[1])];
-        let range = self.range.start.min(other.range.start)..self.range.end.max(other.range.end);
-        Self { range, ends: [from, to], area: self.area + other.area }
-    }
-}
-
-/// As the parameter that chooses it.
-impl Display for Part {
-    fn fmt(&self, to: &mut Formatter<'_>) -> fmt::Result {
-        write!(to, "{}", named(self.ends))
-    }
-}
+/// The points of a part above or below the unworn surface.
+pub type Part = Range<usize>;
 
 /// The parameter that chooses a stretch.
 pub fn named([from, to]: [f64; 2]) -> String {
@@ -61,10 +36,10 @@ pub fn named([from, to]: [f64; 2]) -> String {
 }
 
 /// The unworn surface of a trace, and the parts that deviate from it.
-#[derive(Debug, Clone)]
-pub struct Found<'a> {
+#[derive(Debug, Default)]
+pub struct Found {
     /// The trace.
-    pub points: &'a [(f64, f64)],
+    pub points: Points,
     /// The unworn surface.
     pub surface: Surface,
     /// The heights above the unworn surface.
@@ -75,7 +50,7 @@ pub struct Found<'a> {
     pub parts: Vec<Part>,
 }
 
-impl Found<'_> {
+impl Found {
     /// The number of unworn points.
     pub fn unworn(&self) -> usize {
         self.is_unworn.iter().filter(|is_unworn| **is_unworn).count()
@@ -94,24 +69,33 @@ impl Found<'_> {
         lengths.iter().map(|length| length.abs() * weight(x + 0.5 * length)).sum()
     }
 
-    /// A stretch as a part.
-    pub fn part(&self, range: Range<usize>) -> Part {
-        let area = range.clone().map(|at| self.heights[at] * self.share(at, &|_| 1.0)).sum();
-        Part { ends: self.ends(&range), range, area }
+    /// The area between the trace and the unworn surface, above 0 where the trace is above.
+    pub fn area<'a>(&self, parts: impl IntoIterator<Item = &'a Part>) -> f64 {
+        let points = parts.into_iter().cloned().flatten();
+        points.map(|at| self.heights[at] * self.share(at, &|_| 1.0)).sum()
     }
 
-    /// What of parts is in a range.
-    pub fn inside(&self, parts: &[Part], range: &Range<usize>) -> Vec<Part> {
-        let both = |it: &Part| it.range.start.max(range.start)..it.range.end.min(range.end);
-        parts.iter().map(both).filter(|it| !it.is_empty()).map(|it| self.part(it)).collect()
+    /// The part with the largest area.
+    pub fn largest<'a>(&self, parts: impl IntoIterator<Item = &'a Part>) -> Option<Part> {
+        let area = |part: &Part| self.area([part]).abs();
+        parts.into_iter().max_by(|one, other| area(one).total_cmp(&area(other))).cloned()
     }
 
-    /// A stretch as a part, if its area is two standard deviations.
-    pub fn whole(&self, range: Range<usize>) -> Option<Part> {
-        let part = self.part(range);
-        let weights = part.range.clone().map(|at| (self.points[at].0, self.share(at, &|_| 1.0)));
+    /// The depths of points.
+    pub fn depths(&self, range: &Range<usize>) -> Vec<f64> {
+        self.heights[range.clone()].iter().map(|it| -it).collect()
+    }
+
+    /// The parameter that chooses a stretch.
+    pub fn named(&self, range: &Range<usize>) -> String {
+        named(self.ends(range))
+    }
+
+    /// Whether the area of a stretch is two standard deviations.
+    pub fn is_sure(&self, range: &Part) -> bool {
+        let weights = range.clone().map(|at| (self.points[at].0, self.share(at, &|_| 1.0)));
         let [scatter, surface] = self.surface.error(weights);
-        (part.area.abs() > 2.0 * libm::hypot(scatter, surface)).then_some(part)
+        self.area([range]).abs() > 2.0 * libm::hypot(scatter, surface)
     }
 
     /// A part whose ends are the extremes of the sum of the heights near the ends of the stretch: the least squares of where a
@@ -138,54 +122,64 @@ impl Found<'_> {
 /// Finds the unworn surface. It starts with both ends of the trace, or with both sides of the scar if its ends in x are
 /// known. `edge` is where the surface may rise by a step.
 pub fn find(
-    points: &[(f64, f64)],
+    points: Points,
     is_half: bool,
     window: Option<[f64; 2]>,
     edge: Option<[f64; 2]>,
-) -> Found<'_> {
+) -> Found {
     let count = points.len();
     let half = (count / WINDOW).clamp(BOUNDS.0, BOUNDS.1) / 2;
-    let noise = noise(points) / (2.0 * half as f64 + 1.0).sqrt();
-    let rounding = resolution(points) / 12_f64.sqrt();
+    let noise = noise(&points) / (2.0 * half as f64 + 1.0).sqrt();
+    let rounding = resolution(&points) / 12_f64.sqrt();
     // If the ends of the scar are known, the search starts with the points up to its width beside it.
-    let is_beside = |at: usize, [from, to]: [f64; 2]| {
-        let x = points[at].0;
-        x < from && x > 2.0 * from - to || x > to && x < 2.0 * to - from
+    let is_first = |at: usize| match window {
+        Some([from, to]) => {
+            let x = points[at].0;
+            x < from && x > 2.0 * from - to || x > to && x < 2.0 * to - from
+        }
+        None => at.min(count - 1 - at) < count / UNWORN,
     };
-    let is_end = |at: usize| at.min(count - 1 - at) < count / UNWORN;
-    let is_first = |at: usize| window.map_or_else(|| is_end(at), |ends| is_beside(at, ends));
-    let is_outside =
-        |at: usize| window.is_none_or(|[from, to]| points[at].0 < from || points[at].0 > to);
-    let mut is_unworn: Vec<bool> = (0..count).map(is_first).collect();
-    let (mut is_grown, mut attempt) = (false, 0);
-    loop {
-        let surface = Surface::through(points, is_half, &is_unworn, edge, rounding);
-        let heights: Vec<f64> = points.iter().map(|(x, z)| z - surface.at(*x)).collect();
-        let mean = smooth(&heights, 2 * half + 1);
-        let near = mean.iter().zip(&is_unworn).filter(|(_, is_unworn)| **is_unworn);
-        let scale = (1.4826 * median(near.map(|(mean, _)| mean.abs()).collect())).max(noise);
+    let is_unworn: Vec<bool> = (0..count).map(is_first).collect();
+    let mut found = Found { points, is_unworn, ..Found::default() };
+    let mut is_grown = false;
+    for attempt in 1..=TRIES {
+        let before = found.is_unworn;
+        found.surface = Surface::through(&found.points, is_half, &before, edge, rounding);
+        let heights = found.points.iter().map(|(x, z)| z - found.surface.at(*x));
+        found.heights = heights.collect();
+        let mean = smooth(&found.heights, 2 * half + 1);
+        let near = mean.iter().zip(&before).filter(|(_, is_unworn)| **is_unworn);
+        let scale = (1.4826 * median(near.map(|(mean, _)| mean.abs()))).max(noise);
         let largest = mean.iter().fold(0.0, |most: f64, mean| most.max(mean.abs()));
         // First, the unworn points grow from the ends. Then they are all points but those of the parts.
-        let is_near = |at: usize| is_outside(at) && (is_grown || mean[at].abs() <= NEAR * scale);
-        let is_unworn_now: Vec<bool> = (0..count).map(is_near).collect();
-        let mut found = Found { points, surface, heights, is_unworn: is_unworn_now, parts: vec![] };
+        let is_near = |((x, _), mean): (&(f64, f64), &f64)| {
+            let is_outside = window.is_none_or(|[from, to]| *x < from || *x > to);
+            is_outside && (is_grown || mean.abs() <= NEAR * scale)
+        };
+        found.is_unworn = found.points.iter().zip(&mean).map(is_near).collect();
+        found.parts.clear();
         for stretch in stretches(&mean, (SURE * scale).max(SHARE * largest)).filter(|_| is_grown) {
-            let part = found.part(found.exact(stretch, half));
-            let Range { start, end } = part.range;
+            let part = found.exact(stretch, half);
             // Beside a wide part, two thirds of a side stay.
-            let margin = |side: usize| half + (part.range.len() / UNWORN).min(side / 3);
-            let (from, after) = (start.saturating_sub(margin(start)), end + margin(count - end));
+            let margin = |side: usize| half + (part.len() / UNWORN).min(side / 3);
+            let from = part.start.saturating_sub(margin(part.start));
+            let after = part.end + margin(count - part.end);
             found.is_unworn[from..after.min(count)].fill(false);
             found.parts.push(part);
         }
-        attempt += 1;
-        let is_stable = found.is_unworn == is_unworn;
-        if attempt == TRIES || is_grown && is_stable || found.unworn() < FEWEST {
-            return found;
+        let is_stable = found.is_unworn == before;
+        if is_grown && is_stable || found.unworn() < FEWEST {
+            break;
         }
         is_grown |= is_stable || attempt == TRIES / 2;
-        is_unworn = found.is_unworn;
     }
+    found
+}
+
+/// What of parts is in a range.
+pub fn inside(parts: &[Part], range: &Range<usize>) -> Vec<Part> {
+    let both = |it: &Part| it.start.max(range.start)..it.end.min(range.end);
+    parts.iter().map(both).filter(|it| !it.is_empty()).collect()
 }
 
 /// Where the moving mean exceeds the limit, and as far as it is above `LOW` of it.

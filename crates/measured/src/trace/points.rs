@@ -8,7 +8,8 @@
 use std::ops::Range;
 
 use super::surface::Points;
-use crate::curve::{self, is_spike, spread};
+use crate::curve::{self, enough, is_spike, median, spread};
+use crate::notes::Notes;
 
 /// Minimum number of points.
 pub const FEWEST: usize = 30;
@@ -34,12 +35,6 @@ pub fn limits(points: &[(f64, f64)]) -> [f64; 2] {
     curve::ends(points.iter().map(|point| point.1))
 }
 
-/// The median.
-pub fn median(mut values: Vec<f64>) -> f64 {
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
-}
-
 /// The deviation of each point from the line through its neighbours, divided by what independent noise makes of it.
 fn bends(points: &[(f64, f64)]) -> Vec<f64> {
     let bend = |near: &[(f64, f64)]| {
@@ -52,7 +47,7 @@ fn bends(points: &[(f64, f64)]) -> Vec<f64> {
 
 /// The standard deviation of independent noise, which neither a curved surface nor a scar changes much.
 pub fn noise(points: &[(f64, f64)]) -> f64 {
-    1.4826 * median(bends(points))
+    1.4826 * median(bends(points).into_iter())
 }
 
 /// The smallest difference of heights.
@@ -71,17 +66,8 @@ fn noise_beyond_rounding(points: &[(f64, f64)]) -> Option<(f64, f64)> {
 }
 
 /// The points of a trace, from the lowest x to the highest one.
-pub fn ascending(
-    (x, z): (&[Option<f64>], &[Option<f64>]),
-    is_half: bool,
-    notes: &mut Vec<String>,
-) -> Result<Points, String> {
-    let enough = |points: Points, what: &str| match points.len() {
-        count if count < FEWEST => Err(format!("needs {FEWEST} {what}, but the file has {count}")),
-        _ => Ok(points),
-    };
-    let rows = x.iter().zip(z).filter_map(|(x, z)| Some(((*x)?, (*z)?)));
-    let mut points = enough(rows.collect(), "rows with both numbers")?;
+pub fn ascending(rows: Points, is_half: bool, notes: &mut Notes) -> Result<Points, String> {
+    let mut points = enough(rows, FEWEST, "rows with both numbers")?;
     if points.first() > points.last() {
         points.reverse();
         notes.push("x decreased, so the order of the points was reversed.".to_owned());
@@ -93,7 +79,8 @@ pub fn ascending(
         ));
     }
     for cleaned in [averaged, without_dropouts, without_lines, without_spikes] {
-        points = enough(cleaned(&points, notes), "points at different x that are no drop-outs")?;
+        points =
+            enough(cleaned(&points, notes), FEWEST, "points at different x that are no drop-outs")?;
     }
     if is_half {
         points.retain(|(x, _)| *x >= 0.0);
@@ -110,7 +97,7 @@ pub fn ascending(
 }
 
 /// The points with one for each position.
-fn averaged(points: &[(f64, f64)], notes: &mut Vec<String>) -> Points {
+fn averaged(points: &[(f64, f64)], notes: &mut Notes) -> Points {
     let chunks = points.chunk_by(|one, next| one.0 == next.0);
     let mean = |equal: &[(f64, f64)]| heights(equal).iter().sum::<f64>() / equal.len() as f64;
     let kept: Points = chunks.map(|equal| (equal[0].0, mean(equal))).collect();
@@ -124,7 +111,7 @@ fn averaged(points: &[(f64, f64)], notes: &mut Vec<String>) -> Points {
 
 /// The points without those that an instrument wrote where it measured nothing: zeros, or the lowest or highest number,
 /// if most of them are far from the nearest other points.
-fn without_dropouts(points: &[(f64, f64)], notes: &mut Vec<String>) -> Points {
+fn without_dropouts(points: &[(f64, f64)], notes: &mut Notes) -> Points {
     let (mut points, [low, high]) = (points.to_vec(), limits(points));
     for value in [low, high, 0.0] {
         let (equal, others): (Points, Points) = points.iter().partition(|point| point.1 == value);
@@ -155,7 +142,7 @@ fn without_dropouts(points: &[(f64, f64)], notes: &mut Vec<String>) -> Points {
 
 /// The points without straight lines, if the others have noise: an instrument held a height, or a program drew a line across
 /// a gap. Heights at an end of the range are kept, and so are lines at an end of the trace, which are the unworn surface.
-fn without_lines(points: &[(f64, f64)], notes: &mut Vec<String>) -> Points {
+fn without_lines(points: &[(f64, f64)], notes: &mut Notes) -> Points {
     let Some((noise, step)) = noise_beyond_rounding(points) else { return points.to_vec() };
     let most = step.max(STRAIGHT * noise);
     let likely = libm::log(CHANCE / points.len() as f64) / libm::log(most / noise);
@@ -182,7 +169,7 @@ fn without_lines(points: &[(f64, f64)], notes: &mut Vec<String>) -> Points {
 }
 
 /// The points without spikes.
-fn without_spikes(points: &[(f64, f64)], notes: &mut Vec<String>) -> Points {
+fn without_spikes(points: &[(f64, f64)], notes: &mut Notes) -> Points {
     let heights = heights(points);
     let least = (FAR.0 * noise(points)).max(FAR.1 * spread(&heights));
     let rows = (0..points.len()).filter(|row| !is_spike(&heights, *row, 2, least));

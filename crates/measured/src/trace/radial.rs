@@ -44,9 +44,9 @@ impl Radial {
         let mut bins = vec![[Bin::default(); 2]; (reach / width) as usize + 1];
         for ((x, z), height) in points.iter().zip(heights) {
             let level = surface.at(axis) + if is_level { tilt * (x - axis) } else { 0.0 };
-            let (r, depth) = ((x - axis).abs(), -scar.outwards * height);
+            let (r, depth) = ((x - axis).abs(), -height);
             if let Some(sides) = bins.get_mut((r / width).round() as usize) {
-                let own = [1.0, r, depth, scar.outwards * (level - z)];
+                let own = [1.0, r, depth, level - z];
                 let side = sides[usize::from(*x < axis)].iter_mut();
                 side.zip(own).for_each(|(sum, own)| *sum += own);
             }

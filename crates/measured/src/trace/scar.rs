@@ -2,10 +2,12 @@
 
 use std::ops::Range;
 
-use super::parts::{self, Found, Part, UNWORN, named};
-use super::points::{clipped, limits, median, noise};
+use super::parts::{Found, Part, UNWORN, find, inside, named};
+use super::points::{clipped, limits, noise};
 use super::surface::{Points, Surface};
 use super::wanted::{Prepare, Up, Wanted};
+use crate::curve::median;
+use crate::notes::Notes;
 
 /// A removed part with this share of the area of the scar is another scar.
 const OTHER: f64 = 0.1;
@@ -38,13 +40,11 @@ const UM: f64 = 1e6;
 /// How a user chooses a scar.
 pub const CHOOSE: &str = "choose it with scar=FROM..TO, such as scar=0.4..1.6mm";
 
-/// The scar of a trace.
+/// The scar of a trace whose heights point out of the material.
 #[derive(Debug)]
-pub struct Scar<'a> {
+pub struct Scar {
     /// The unworn surface, and all parts.
-    pub found: Found<'a>,
-    /// The sign of heights out of the material.
-    pub outwards: f64,
+    pub found: Found,
     /// The points between the ends of the scar. Empty if there is none.
     pub range: Range<usize>,
     /// The removed parts of the scar.
@@ -73,21 +73,8 @@ fn farther(wanted: &Wanted<'_>) -> &'static str {
      and write prepare=half (on the page: “Trace from the axis”; `fretwork fit` reads whole traces only)"
 }
 
-fn area(parts: &[Part]) -> f64 {
-    parts.iter().fold(0.0, |sum, part| sum + part.area.abs())
-}
-
-fn largest<'a>(parts: impl IntoIterator<Item = &'a Part>) -> Option<&'a Part> {
-    parts.into_iter().max_by(|one, other| one.area.abs().total_cmp(&other.area.abs()))
-}
-
 /// The unworn surface on both sides of a stretch, and the parts in it.
-fn inside<'a>(
-    points: &'a [(f64, f64)],
-    is_half: bool,
-    ends: [f64; 2],
-    notes: &mut Vec<String>,
-) -> Result<Found<'a>, String> {
+fn between(points: Points, is_half: bool, ends: [f64; 2]) -> Result<Found, String> {
     let [from, to] = ends;
     let at = |end: f64| points.partition_point(|point| point.0 < end);
     let [before, first, after, last] = [2.0 * from - to, from, to, 2.0 * to - from].map(at);
@@ -98,7 +85,38 @@ fn inside<'a>(
             named(ends)
         ));
     }
-    let mut found = parts::find(points, is_half, Some(ends), Some(ends));
+    let mut found = find(points, is_half, Some(ends), Some(ends));
+    found.parts = inside(&found.parts, &(first..after));
+    // The user sees a scar that hardly stands out of the noise.
+    if 2 * found.parts.iter().map(Part::len).sum::<usize>() < after - first {
+        found.parts = Some(first..after).filter(|it| found.is_sure(it)).into_iter().collect();
+    }
+    Ok(found)
+}
+
+/// Finds the scar.
+///
+/// # Errors
+/// There is none, there are several, or the unworn surface is not one plane or circle.
+pub fn scar(mut points: Points, wanted: &Wanted<'_>, notes: &mut Notes) -> Result<Scar, String> {
+    if wanted.up == Some(Up::In) {
+        points = points.into_iter().map(|(x, z)| (x, -z)).collect();
+    }
+    let is_half = wanted.prepare == Prepare::Half;
+    let found = match wanted.scar {
+        Some(ends) => between(points, is_half, ends)?,
+        None => find(points, is_half, None, None),
+    };
+    let largest = found.largest(&found.parts);
+    // Only the curvature of a surface may decide without a word of the user: a hump on a hollow surface is a scar of a ball
+    // whose heights count into it.
+    let is_hump = largest.is_none_or(|part| found.area([&part]) > 0.0);
+    if wanted.up.is_none() && found.surface.is_round && found.surface.bend() > 0.0 && is_hump {
+        let note = "The surface is a ball or cylinder if its heights point into the material, so they were turned. If it \
+                    is hollow, write up=out.";
+        notes.push(note.to_owned());
+        return scar(found.points, &Wanted { up: Some(Up::In), ..*wanted }, notes);
+    }
     if let Some(step) = found.surface.step() {
         notes.push(format!(
             "The right side of the scar is {:.4} um higher than the left one. A line between both is the unworn surface. Half \
@@ -106,80 +124,11 @@ fn inside<'a>(
             UM * step
         ));
     }
-    found.parts = found.inside(&found.parts, &(first..after));
-    let inside: usize = found.parts.iter().map(|part| part.range.len()).sum();
-    // The user sees a scar that hardly stands out of the noise.
-    if 2 * inside < after - first {
-        found.parts = found.whole(first..after).into_iter().collect();
-    }
-    Ok(found)
-}
-
-/// The sign of heights out of the material. Only the curvature of a surface may decide without a word of the user: a hump on
-/// a hollow surface is a scar of a ball whose heights count into it.
-fn outwards(found: &Found<'_>, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> f64 {
-    let is_hump = largest(&found.parts).is_none_or(|part| part.area > 0.0);
-    let is_turned = found.surface.is_round && found.surface.bend() > 0.0 && is_hump;
-    if wanted.up.is_none() && is_turned {
-        let note = "The surface is a ball or cylinder if its heights point into the material, so they were turned. If it \
-                    is hollow, write up=out.";
-        notes.push(note.to_owned());
-    }
-    if wanted.up.map_or(is_turned, |up| up == Up::In) { -1.0 } else { 1.0 }
-}
-
-/// Whether two parts are one scar: their gap is at most half of the shorter one, or they are the sides of a ring, whose middle
-/// sticks and does not wear.
-fn is_one(last: &Part, part: &Part, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> bool {
-    let gap = part.range.start.saturating_sub(last.range.end) as f64;
-    let gap = gap / last.range.len().min(part.range.len()) as f64;
-    let [from, to] = last.with(part).ends;
-    // A half was mirrored.
-    let is_mirrored = wanted.prepare == Prepare::Half && (from + to).abs() < 0.05 * to;
-    if wanted.scar.is_some() || is_mirrored || gap <= 0.5 {
-        return true;
-    }
-    let share = last.area / part.area;
-    let is_ring = NEAR * gap <= 1.0 && share.min(1.0 / share) > RING;
-    if is_ring {
-        notes.push(format!(
-            "Two alike grooves near each other were taken as one ring. If they are two scars, choose one with {last} or {part}."
-        ));
-    }
-    is_ring
-}
-
-/// Finds the scar.
-///
-/// # Errors
-/// There is none, there are several, or the unworn surface is not one plane or circle.
-pub fn scar<'a>(
-    points: &'a [(f64, f64)],
-    wanted: &Wanted<'_>,
-    notes: &mut Vec<String>,
-) -> Result<Scar<'a>, String> {
-    let is_half = wanted.prepare == Prepare::Half;
-    let found = match wanted.scar {
-        Some(ends) => inside(points, is_half, ends, notes)?,
-        None => parts::find(points, is_half, None, None),
-    };
-    let outwards = outwards(&found, wanted, notes);
-    let is_added = |part: &Part| part.area * outwards > 0.0;
+    let is_added = |part: &Part| found.area([part]) > 0.0;
     let (added, removed): (Vec<_>, Vec<_>) = found.parts.iter().cloned().partition(is_added);
-    let mut scar = Scar { found, outwards, range: 0..0, removed, added, gaps: Vec::new() };
+    let mut scar = Scar { found, range: 0..0, removed, added, gaps: Vec::new() };
     if scar.found.parts.is_empty() {
-        let surface = &scar.found.surface;
-        let [low, high] = limits(points);
-        let is_rough = surface.scatter > (ROUGH.0 * noise(points)).max(ROUGH.1 * (high - low));
-        return Err(match wanted.scar {
-            Some(ends) => format!("has no scar in {}. Write other ends", named(ends)),
-            None if !surface.is_round => format!(
-                "has no scar: the whole surface is plane within its scatter of {:.4} um. If you know where the scar is, {CHOOSE}",
-                UM * surface.scatter
-            ),
-            None if is_rough => format!("has no circle outside of a scar. {}", farther(wanted)),
-            None => return Ok(scar),
-        });
+        return scar.without(wanted);
     }
     scar.check_sign(wanted)?;
     scar.choose(wanted, notes)?;
@@ -187,21 +136,32 @@ pub fn scar<'a>(
     Ok(scar)
 }
 
-impl Scar<'_> {
+impl Scar {
+    /// A surface without a scar, if it is a circle.
+    fn without(self, wanted: &Wanted<'_>) -> Result<Self, String> {
+        let surface = &self.found.surface;
+        let [low, high] = limits(&self.found.points);
+        let is_rough =
+            surface.scatter > (ROUGH.0 * noise(&self.found.points)).max(ROUGH.1 * (high - low));
+        Err(match wanted.scar {
+            Some(ends) => format!("has no scar in {}. Write other ends", named(ends)),
+            None if !surface.is_round => format!(
+                "has no scar: the whole surface is plane within its scatter of {:.4} um. If you know where the scar is, {CHOOSE}",
+                UM * surface.scatter
+            ),
+            None if is_rough => format!("has no circle outside of a scar. {}", farther(wanted)),
+            None => return Ok(self),
+        })
+    }
+
     /// The ends of the scar in x.
     pub fn ends(&self) -> Option<[f64; 2]> {
         (!self.range.is_empty()).then(|| self.found.ends(&self.range))
     }
 
-    /// The depths of points.
-    pub fn depths(&self, range: &Range<usize>) -> Vec<f64> {
-        self.found.heights[range.clone()].iter().map(|it| -self.outwards * it).collect()
-    }
-
-    /// The points between the first and the last of several neighbours that all exceed a depth, or a share of the largest.
-    fn deeper(&self, range: &Range<usize>, depth: f64, share: f64) -> Range<usize> {
-        let depths = self.depths(range);
-        let limit = depths.iter().fold(depth, |most, depth| most.max(share * depth));
+    /// The points between the first and the last of several neighbours that are all deeper than a limit.
+    fn deeper(&self, range: &Range<usize>, limit: f64) -> Range<usize> {
+        let depths = self.found.depths(range);
         let run = (self.found.heights.len() / 50).clamp(RUN.0, RUN.1);
         let is_deep = |near: &[f64]| near.iter().all(|depth| *depth > limit);
         let first = depths.windows(run).position(is_deep);
@@ -210,58 +170,90 @@ impl Scar<'_> {
         both.map_or(range.clone(), |own| range.start + own.start..range.start + own.end)
     }
 
+    /// The largest depth of a single point.
+    fn deepest(&self, range: &Range<usize>) -> f64 {
+        self.found.depths(range).into_iter().fold(0.0, f64::max)
+    }
+
     /// Where the scar is deeper than a share of its largest depth, which noise at shallow ends moves little.
     pub fn middle(&self) -> [f64; 2] {
-        self.found.ends(&self.deeper(&self.range, 0.0, CORE))
+        self.found.ends(&self.deeper(&self.range, CORE * self.deepest(&self.range)))
     }
 
     /// Refuses more added than removed material.
     fn check_sign(&self, wanted: &Wanted<'_>) -> Result<(), String> {
-        let [above, below] = [&self.added, &self.removed].map(|parts| UM * UM * area(parts));
-        let Some(most) = largest(&self.added).filter(|_| above > below) else { return Ok(()) };
-        let (other, farther) = (if self.outwards > 0.0 { "in" } else { "out" }, farther(wanted));
+        let [above, below] =
+            [&self.added, &self.removed].map(|it| UM * UM * self.found.area(it).abs());
+        let Some(most) = self.found.largest(&self.added).filter(|_| above > below) else {
+            return Ok(());
+        };
+        let other = if wanted.up == Some(Up::In) { "out" } else { "in" };
         Err(format!(
-            "has more added than removed material: {above:.4} um^2 above the unworn surface, most in {most}, and {below:.4} um^2 \
+            "has more added than removed material: {above:.4} um^2 above the unworn surface, most in {}, and {below:.4} um^2 \
              below it. If the heights count the other way, write up={other}. If only a part is the scar, {CHOOSE}. If it reaches \
-             to an end: {farther}"
+             to an end: {}",
+            self.found.named(&most),
+            farther(wanted)
         ))
     }
 
-    /// Chooses the removed parts of one scar.
-    fn choose(&mut self, wanted: &Wanted<'_>, notes: &mut Vec<String>) -> Result<(), String> {
-        let mut scars: Vec<Part> = Vec::new();
-        for part in &self.removed {
-            match scars.last_mut() {
-                Some(last) if is_one(last, part, wanted, notes) => *last = last.with(part),
-                _ => scars.push(part.clone()),
-            }
+    /// Whether two neighbouring parts are one scar: their gap is at most half of the shorter one, or they are the sides of a
+    /// ring, whose middle sticks and does not wear.
+    fn is_one(&self, last: &Part, part: &Part, wanted: &Wanted<'_>, notes: &mut Notes) -> bool {
+        let gap = part.start.saturating_sub(last.end) as f64 / last.len().min(part.len()) as f64;
+        let [from, to] = self.found.ends(&(last.start..part.end));
+        // A half was mirrored.
+        let is_mirrored = wanted.prepare == Prepare::Half && (from + to).abs() < 0.05 * to;
+        if wanted.scar.is_some() || is_mirrored || gap <= 0.5 {
+            return true;
         }
-        scars.sort_by(|one, other| one.area.abs().total_cmp(&other.area.abs()));
+        let [one, other] = [last, part].map(|it| self.found.area([it]));
+        let is_ring = NEAR * gap <= 1.0 && (one / other).min(other / one) > RING;
+        if is_ring {
+            notes.push(format!(
+                "Two alike grooves near each other were taken as one ring. If they are two scars, choose one with {} or {}.",
+                self.found.named(last), self.found.named(part)
+            ));
+        }
+        is_ring
+    }
+
+    /// Chooses the removed parts of one scar.
+    fn choose(&mut self, wanted: &Wanted<'_>, notes: &mut Notes) -> Result<(), String> {
+        let mut scars: Vec<&[Part]> =
+            self.removed.chunk_by(|last, part| self.is_one(last, part, wanted, notes)).collect();
+        scars.sort_by(|one, other| self.found.area(*other).total_cmp(&self.found.area(*one)));
+        let whole = |parts: &[Part]| parts[0].start..parts[parts.len() - 1].end;
         let Some(own) = scars.pop() else { return Ok(()) };
         for other in scars.iter().rev() {
-            if other.area.abs() > OTHER * own.area.abs() {
-                let (both, farther) = (own.with(other), farther(wanted));
+            let [one, two] = [own, other].map(whole);
+            let name = self.found.named(&two);
+            if self.found.area(*other) < OTHER * self.found.area(own) {
                 return Err(format!(
-                    "has two scars or more. Choose one with {own} or {other}. If they are one ring, write {both}. If one reaches \
-                     to an end: {farther}"
+                    "has two scars or more. Choose one with {} or {name}. If they are one ring, write {}. If one reaches \
+                     to an end: {}",
+                    self.found.named(&one),
+                    self.found.named(&(one.start.min(two.start)..one.end.max(two.end))),
+                    farther(wanted)
                 ));
             }
-            notes.push(format!("A smaller scar was left out. Write {other} for it."));
+            notes.push(format!("A smaller scar was left out. Write {name} for it."));
         }
-        self.range = self.deeper(&own.range, SCATTER * self.found.surface.scatter, SHARE);
-        self.removed = self.found.inside(&self.removed, &own.range);
+        let all = whole(own);
+        let least = (SCATTER * self.found.surface.scatter).max(SHARE * self.deepest(&all));
+        (self.range, self.removed) = (self.deeper(&all, least), own.to_vec());
         if wanted.scar.is_none() { self.check_sides(wanted) } else { Ok(()) }
     }
 
     /// Finds gaps in the scar and where its depth is clipped, and refuses a gap that hides too much. A line fills a gap. It may
     /// hide any height between those of its ends, and structures that are as deep as the gap is wide.
-    fn check_gaps(&mut self, notes: &mut Vec<String>) -> Result<(), String> {
+    fn check_gaps(&mut self, notes: &mut Notes) -> Result<(), String> {
         let Found { points, heights, .. } = &self.found;
         let [first, last] = self.found.ends(&self.range);
-        let deepest = self.depths(&self.range).into_iter().fold(0.0, f64::max);
+        let deepest = self.deepest(&self.range);
         let width = |at: &usize| points[at + 1].0 - points[*at].0;
         let all = self.range.start.saturating_sub(1)..self.range.end.min(points.len() - 1);
-        let pace = median(all.clone().map(|at| width(&at)).collect());
+        let pace = median(all.clone().map(|at| width(&at)));
         let mut told = Vec::new();
         for at in all.filter(|at| width(at) > (GAP * pace).max(TOLD * (last - first))) {
             let [from, to] = [points[at].0, points[at + 1].0];
@@ -298,10 +290,9 @@ impl Scar<'_> {
 
     /// Refuses a scar whose sides are not one plane or circle, or are not measured.
     fn check_sides(&self, wanted: &Wanted<'_>) -> Result<(), String> {
-        let (own, farther) = (self.found.part(self.range.clone()), farther(wanted));
-        let step = self.step(own.ends);
-        let count = self.found.points.len();
+        let (step, count) = (self.step(), self.found.points.len());
         if self.range.start.min(count - self.range.end) < count / UNWORN {
+            let (own, farther) = (self.found.named(&self.range), farther(wanted));
             let step = step.map_or_else(String::new, |step| format!(". Or it has {step}"));
             return Err(format!(
                 "has a scar that reaches to an end: {own}. If it is narrower, {CHOOSE}. {farther}{step}"
@@ -312,7 +303,7 @@ impl Scar<'_> {
 
     /// A step of the unworn surface, and the scar that the surface then has. The step is in the scar, or many more points are
     /// unworn with it.
-    fn step(&self, own: [f64; 2]) -> Option<String> {
+    fn step(&self) -> Option<String> {
         let Found { points, is_unworn, surface: Surface { is_half, .. }, .. } = &self.found;
         let said = |surface: &Surface, [from, to]: [f64; 2], scar: [f64; 2]| {
             Some(format!(
@@ -323,23 +314,24 @@ impl Scar<'_> {
                 named(scar)
             ))
         };
+        let own = self.ends()?;
+        let inside = Surface::through(points, *is_half, is_unworn, Some(own), 0.0);
         let thin = points.len().div_ceil(THIN);
         let thinned: Points = points.iter().step_by(thin).copied().collect();
         let [first, last] = self.found.ends(&(0..points.len()));
         let width = (last - first) / STEPS;
-        let tried = (1..STEPS as usize).map(|at| {
-            let x = first + at as f64 * width;
-            let edge = [x - 1e-3 * width, x + 1e-3 * width];
-            (edge, parts::find(&thinned, *is_half, None, Some(edge)))
-        });
-        said(&Surface::through(points, *is_half, is_unworn, Some(own), 0.0), own, own).or_else(
-            || {
-                let (edge, best) = tried.max_by_key(|(_, found)| found.unworn())?;
-                let more = best.unworn() as f64 - self.found.unworn() as f64 / thin as f64;
-                let removed = best.parts.iter().filter(|part| part.area * self.outwards < 0.0);
-                let scar = largest(removed).filter(|_| more > GAIN * thinned.len() as f64)?;
-                said(&best.surface, edge, scar.ends)
-            },
-        )
+        let beside = || {
+            let tried = (1..STEPS as usize).map(|at| {
+                let x = first + at as f64 * width;
+                let edge = [x - 1e-3 * width, x + 1e-3 * width];
+                (edge, find(thinned.clone(), *is_half, None, Some(edge)))
+            });
+            let (edge, best) = tried.max_by_key(|(_, found)| found.unworn())?;
+            let more = best.unworn() as f64 - self.found.unworn() as f64 / thin as f64;
+            let removed = best.parts.iter().filter(|part| best.area([*part]) < 0.0);
+            let scar = best.largest(removed).filter(|_| more > GAIN * thinned.len() as f64)?;
+            said(&best.surface, edge, best.ends(&scar))
+        };
+        said(&inside, own, own).or_else(beside)
     }
 }

@@ -12,7 +12,7 @@ use std::f64::consts::PI;
 
 use serde_json::{Value, json};
 
-use super::parts::Part;
+use super::parts::{Part, inside};
 use super::scar::{Gap, Scar};
 
 /// Left and right are alike if the centroid is this near to the middle, as a share of the width. Noise moves the ends by
@@ -61,22 +61,22 @@ impl Size {
 /// The axis, and the sizes about it.
 #[derive(Debug)]
 pub struct Sizes<'a> {
-    pub scar: &'a Scar<'a>,
+    pub scar: &'a Scar,
     /// The axis in x, and its standard deviation.
     pub axis: (f64, f64),
 }
 
 impl<'a> Sizes<'a> {
     /// The axis of a scar is its centroid, or where x is 0. Without a scar, it is the apex, or the middle of a plane.
-    pub fn new(scar: &'a Scar<'a>, is_centred: bool) -> Self {
+    pub fn new(scar: &'a Scar, is_centred: bool) -> Self {
         let (mut own, surface) = (Self { scar, axis: (0.0, 0.0) }, &scar.found.surface);
         if is_centred && scar.range.is_empty() {
             own.axis.0 = surface.apex();
         } else if is_centred {
-            let core = scar.found.inside(&scar.removed, &scar.range);
-            let area = own.area(&core).value;
-            let axis = own.sum(&core, &|x| x).value / area;
-            let moment = own.sum(&core, &|x| (x - axis) / area).error();
+            let core = &inside(&scar.removed, &scar.range);
+            let area = own.area(core).value;
+            let axis = own.sum(core, &|x| x).value / area;
+            let moment = own.sum(core, &|x| (x - axis) / area).error();
             let [first, last] = scar.middle();
             let (middle, width) = (0.5 * (first + last), last - first);
             let distance = (axis - middle).abs();
@@ -91,7 +91,7 @@ impl<'a> Sizes<'a> {
     /// The sum of depths of removed parts, or of heights of added ones, each with a weight.
     fn sum(&self, parts: &[Part], weight: &dyn Fn(f64) -> f64) -> Size {
         let Scar { found, gaps, .. } = self.scar;
-        let all = || parts.iter().flat_map(|part| part.range.clone());
+        let all = || parts.iter().cloned().flatten();
         let weights = || all().map(|at| (found.points[at].0, found.share(at, weight)));
         let value: f64 = all().zip(weights()).map(|(at, own)| own.1 * found.heights[at]).sum();
         let [scatter, surface] = found.surface.error(weights());
@@ -101,7 +101,8 @@ impl<'a> Sizes<'a> {
             let middle = 4.0 * weight(0.5 * (from + to)).abs();
             error * (to - from) * (weight(from).abs() + middle + weight(to).abs()) / 6.0
         });
-        let sign = if parts.first().is_some_and(|part| part.area < 0.0) { -1.0 } else { 1.0 };
+        let sign =
+            if parts.first().is_some_and(|part| found.area([part]) < 0.0) { -1.0 } else { 1.0 };
         // The sum of nothing is −0.
         Size { value: sign * value + 0.0, errors: [scatter, surface, 0.0, missing.sum()] }
     }
