@@ -652,6 +652,29 @@ fn errors_contain_long_waves() {
     }
 }
 
+/// Such a wave can look like a part of the scar, so the error cannot always contain it.
+#[test]
+fn most_waves_that_are_hardly_shorter_than_the_trace_are_told() {
+    let (mut far, mut silent) = (0, 0);
+    for (radius, kind, height) in [
+        (f64::INFINITY, Kind::Round, 0.2),
+        (f64::INFINITY, Kind::Ring, 0.4),
+        (6000.0, Kind::Round, 0.2),
+    ] {
+        for seed in 0..40 {
+            let draw = &mut Random::new(seed + 1000);
+            let wave = [height, 1400.0 * draw.between(0.5, 1.0), draw.between(0.0, 2.0 * PI)];
+            let wavy = Made { wave, seed, ..made(radius, &[Part { kind, ..SCAR }]) };
+            let Ok(measured) = answer(&wavy, &TRACE) else { continue };
+            let is_told = measured.notes.iter().any(|note| note.contains("volume is uncertain"));
+            let is_far = off(&wavy, &measured)[0].abs() > 0.1;
+            far += u32::from(is_far);
+            silent += u32::from(is_far && !is_told);
+        }
+    }
+    assert!(far >= 20 && 4 * silent <= far, "{silent} of {far}");
+}
+
 #[test]
 fn wide_and_shallow_scars_are_read() {
     let mut refused = 0;

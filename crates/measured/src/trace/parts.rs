@@ -61,6 +61,18 @@ impl Found {
         [self.points[range.start].0, self.points[range.end - 1].0]
     }
 
+    /// The unworn surface from those of the points on each side of a stretch that are nearer to it than half of them are.
+    pub fn nearer(&self, range: &Range<usize>, edge: Option<[f64; 2]>) -> Surface {
+        let mut is_near = vec![false; self.points.len()];
+        let unworn = |at: &usize| self.is_unworn[*at];
+        let before: Vec<usize> = (0..range.start).rev().filter(unworn).collect();
+        let after: Vec<usize> = (range.end..self.points.len()).filter(unworn).collect();
+        for side in [before, after] {
+            side.iter().take(side.len().div_ceil(2)).for_each(|at| is_near[*at] = true);
+        }
+        Surface::through(&self.points, self.surface.is_half, &is_near, edge, 0.0)
+    }
+
     /// The integral of a weight over the length for which a point stands, half of the way to both neighbours.
     pub fn share(&self, at: usize, weight: &dyn Fn(f64) -> f64) -> f64 {
         let x = self.points[at].0;

@@ -45,6 +45,8 @@ pub const CHOOSE: &str = "choose it with scar=FROM..TO, such as scar=0.4..1.6mm"
 pub struct Scar {
     /// The unworn surface, and all parts.
     pub found: Found,
+    /// The unworn surface from the nearer half of its points. A long wave makes it another one.
+    pub near: Surface,
     /// The points between the ends of the scar. Empty if there is none.
     pub range: Range<usize>,
     /// The removed parts of the scar.
@@ -126,7 +128,8 @@ pub fn scar(mut points: Points, wanted: &Wanted<'_>, notes: &mut Notes) -> Resul
     }
     let is_added = |part: &Part| found.area([part]) > 0.0;
     let (added, removed): (Vec<_>, Vec<_>) = found.parts.iter().cloned().partition(is_added);
-    let mut scar = Scar { found, range: 0..0, removed, added, gaps: Vec::new() };
+    let near = found.surface.clone();
+    let mut scar = Scar { found, near, range: 0..0, removed, added, gaps: Vec::new() };
     if scar.found.parts.is_empty() {
         return scar.without(wanted);
     }
@@ -242,6 +245,7 @@ impl Scar {
         let all = whole(own);
         let least = (SCATTER * self.found.surface.scatter).max(SHARE * self.deepest(&all));
         (self.range, self.removed) = (self.deeper(&all, least), own.to_vec());
+        self.near = self.found.nearer(&all, wanted.scar);
         if wanted.scar.is_none() { self.check_sides(wanted) } else { Ok(()) }
     }
 

@@ -6,7 +6,8 @@
 //! ```
 //! d is the depth or height, w the length for which a point stands, and a the axis. So each side of the trace is half of a
 //! body of revolution. The errors are standard deviations: from the scatter of the points, of which neighbours go together,
-//! from the covariance of the unworn surface, for volumes from the axis, and from points that are clipped or left out.
+//! from the covariance of the unworn surface and what its nearer half changes, for volumes from the axis, and from points that are
+//! clipped or left out.
 
 use std::f64::consts::PI;
 
@@ -90,11 +91,12 @@ impl<'a> Sizes<'a> {
 
     /// The sum of depths of removed parts, or of heights of added ones, each with a weight.
     fn sum(&self, parts: &[Part], weight: &dyn Fn(f64) -> f64) -> Size {
-        let Scar { found, gaps, .. } = self.scar;
+        let Scar { found, near, gaps, .. } = self.scar;
         let all = || parts.iter().cloned().flatten();
         let weights = || all().map(|at| (found.points[at].0, found.share(at, weight)));
         let value: f64 = all().zip(weights()).map(|(at, own)| own.1 * found.heights[at]).sum();
         let [scatter, surface] = found.surface.error(weights());
+        let shift: f64 = weights().map(|(x, own)| own * (near.at(x) - found.surface.at(x))).sum();
         let inside = gaps.iter().filter(|gap| all().any(|at| gap.range.contains(&at)));
         let missing = inside.map(|Gap { range, error }| {
             let [from, to] = found.ends(range);
@@ -104,7 +106,10 @@ impl<'a> Sizes<'a> {
         let sign =
             if parts.first().is_some_and(|part| found.area([part]) < 0.0) { -1.0 } else { 1.0 };
         // The sum of nothing is −0.
-        Size { value: sign * value + 0.0, errors: [scatter, surface, 0.0, missing.sum()] }
+        Size {
+            value: sign * value + 0.0,
+            errors: [scatter, libm::hypot(surface, shift), 0.0, missing.sum()],
+        }
     }
 
     /// The area of parts.
