@@ -94,7 +94,7 @@ fn the_energy_of_each_cycle_is_that_of_its_formula_or_noted() {
     let seed = std::env::var("FRETWORK_TEST_SEED").ok().and_then(|seed| seed.parse().ok());
     let stream = Stream::new(seed.unwrap_or(59));
     let count = if std::env::var_os("FRETWORK_TEST_LONG").is_some() { 10_000 } else { 300 };
-    let (mut all, mut noted, mut missed, mut far) = (0, 0, 0, Vec::new());
+    let (mut all, mut noted, mut missed, mut missed_of_many, mut far) = (0, 0, 0, 0, Vec::new());
     for case in 0..count {
         let own = stream.child(case);
         let [pick, first, cycles, points, part, drift, offset, shift, noise, tail, ends] =
@@ -138,12 +138,13 @@ fn the_energy_of_each_cycle_is_that_of_its_formula_or_noted() {
         if energies.len() != cycles {
             let left = measured.notes.iter().any(|note| note.contains("were left out"));
             assert!(
-                left && points < 20.0,
+                left,
                 "{case} {form:?}: {} of {cycles}, {points} {:?}",
                 energies.len(),
                 measured.notes
             );
             missed += 1;
+            missed_of_many += u64::from(points >= 20.0);
             continue;
         }
         let is_noted = measured.notes.iter().any(|note| {
@@ -162,9 +163,14 @@ fn the_energy_of_each_cycle_is_that_of_its_formula_or_noted() {
             }
         }
     }
-    println!("{all} cycles, {noted} noted, {} far, {missed} records lack a cycle", far.len());
+    println!(
+        "{all} cycles, {noted} noted, {} far, {missed} records lack a cycle, {missed_of_many} of them with 20 points",
+        far.len()
+    );
     println!("{}", far.join("\n"));
     assert!(far.len() <= all / 1000 && noted < 2 * all / 5 && missed <= count / 50);
+    // A record at this limit can lack a cycle, which a note says.
+    assert!(missed_of_many <= count / 1000, "{missed_of_many}");
 }
 
 /// Sticks over a quarter of the stroke with 4 N/µm, and then slips with 10 N.
