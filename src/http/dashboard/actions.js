@@ -2,7 +2,7 @@
 
 import { may } from "./allowed.js";
 import { get, post, resultAddress, send } from "./api.js";
-import { copy, dateTime, h, isSure, notify, select } from "./dom.js";
+import { button, copy, dateTime, h, isSure, notify, select } from "./dom.js";
 import { saveAs } from "./figure-save.js";
 import { caller, signedIn } from "./sign-in.js";
 import { kindOf } from "./summary.js";
@@ -16,15 +16,6 @@ const STUDY_DOWNLOADS = [["Full result", "", ["json", "npz"]], ["Table", "/table
 
 /** Longest input that a shared link has, in characters. */
 const MAX_TYPED = 4000;
-
-/** A button that reports the error if its action fails. */
-export const button = (text, act, attributes = {}) => h("button", { type: "button", ...attributes, onclick: async () => {
-  try {
-    await act();
-  } catch (problem) {
-    notify(problem.detail ?? problem.message);
-  }
-} }, text);
 
 /** Makes a link that opens one result without a key. Returns its token. */
 export async function createLink(key, lifetime) {

@@ -1,13 +1,13 @@
 // Compares runs: one table, and their curves in common figures. Each run has one letter, one colour and one dash everywhere.
 
-import { button, createLink, linkEnd, sharing } from "./actions.js";
+import { createLink, linkEnd, sharing } from "./actions.js";
 import { keepState } from "./address.js";
 import { may } from "./allowed.js";
 import { Problem, resultAddress } from "./api.js";
 import { COLUMNS, drawHistories, drawLoops, drawProfiles } from "./compare-figures.js";
 import { rowsOf } from "./compare-rows.js";
 import { drawTable, tableText } from "./compare-table.js";
-import { choice, fill, h, select } from "./dom.js";
+import { button, choice, fill, h, select } from "./dom.js";
 import { Cursors, Figure } from "./figure.js";
 import { saveAs } from "./figure-save.js";
 import { playButton } from "./player.js";

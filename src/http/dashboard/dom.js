@@ -67,6 +67,15 @@ export function notify(text) {
   clearing = setTimeout(() => (place.textContent = ""), 5000);
 }
 
+/** A button that reports the error if its action fails. */
+export const button = (text, act, attributes = {}) => h("button", { type: "button", ...attributes, onclick: async () => {
+  try {
+    await act();
+  } catch (problem) {
+    notify(problem.detail ?? problem.message);
+  }
+} }, text);
+
 /**
  * Opens a modal dialog with the children that `content(close)` returns. Resolves when the dialog is closed. Unless `stays`, another view
  * closes it.

@@ -1,9 +1,8 @@
 // One job, followed until it has a result.
 
-import { button } from "./actions.js";
 import { may } from "./allowed.js";
 import { events, get, jobAddress, post } from "./api.js";
-import { dateTime, debounced, fill, h, list, notify } from "./dom.js";
+import { button, dateTime, debounced, fill, h, list, notify } from "./dom.js";
 import { errorCard } from "./error.js";
 import { drawEstimate } from "./estimate.js";
 import { drawSource } from "./result.js";

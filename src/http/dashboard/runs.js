@@ -1,10 +1,9 @@
 // All runs of the server: also those that wait, failed or were canceled.
 
-import { button } from "./actions.js";
 import { keepState } from "./address.js";
 import { may } from "./allowed.js";
 import { get, jobAddress, post, send } from "./api.js";
-import { capital, choice, dateTime, debounced, h, notify, select } from "./dom.js";
+import { button, capital, choice, dateTime, debounced, h, notify, select } from "./dom.js";
 import { saveAs } from "./figure-save.js";
 import { columnOf } from "./scaling.js";
 import { isDraft, knownName, loadNames } from "./summary.js";
