@@ -147,6 +147,8 @@ export async function showFit(main, { key }, { job, link, signal }) {
   const plans = () => (quality ? [...groups.flatMap((group) => [["Fit", dataFigure(result, group)], ["Residuals", residualFigure(result, group)]]),
     ["Wear over energy", energyFigure(result)], ...parameters.map((parameter) => ["Sum of squares", profileFigure(result, parameter)])].filter(([, plan]) => plan) : []);
   const figures = plans().map(([name], i) => [name, new Figure({ name: `fit-${i + 1}`, signal })]);
+  // The names of regions differ.
+  const labelOf = (name, i) => [name, figures.slice(0, i).filter(([own]) => own === name).length + 1].filter((part) => part !== 1).join(" ");
   const against = notes.filter(({ kind }) => !AGAINST.includes(kind));
   const draw = () => {
     fill(body,
@@ -155,7 +157,7 @@ export async function showFit(main, { key }, { job, link, signal }) {
       h("section", { class: "card", "aria-label": "Estimates" }, h("h2", {}, `Estimates from ${dataWords(result)}`),
         h("dl", { class: "headline", id: "estimates" }, parameters.map((parameter) => estimateTile(parameter, result, verdict)), quality && correlationTile(result)),
         h("p", { id: "law" }, h("strong", { class: STYLES[verdict.outcome] }, verdict.verdict), ` ${inWords(verdict.reason, parameters)}`)),
-      h("div", { class: "plots" }, figures.map(([name, figure]) => h("section", { class: "card", "aria-label": name }, figure.element,
+      h("div", { class: "plots" }, figures.map(([name, figure], i) => h("section", { class: "card", "aria-label": labelOf(name, i) }, figure.element,
         name === "Wear over energy" && h("p", { class: "muted" }, result.lines.map(({ weights, energy_coefficient: slope, interval, r_squared: squared }) =>
           `${weights === "equal" ? "All points equal" : "Weighted by their errors"}: α\u00a0=\u00a0${quantity(slope, "m^3/J", 3)}, ${together(interval, "m^3/J", " to ")}, R²${squaredOf(squared)}. `)))),
       quality && correlationTable(result)),
