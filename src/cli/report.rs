@@ -2,12 +2,15 @@
 
 use std::path::Path;
 
+use serde_json::{Value, json};
+
 use super::places::{inside, prepare, taken};
 use super::printing::{Error, print};
 use super::run::{read, write_file};
 use crate::config::Report;
+use crate::http::report_page;
 use fretwork_engine::outcome::Quantity;
-use fretwork_format::report::{About, Entry, MOST, Measured, page};
+use fretwork_format::report::{About, Entry, MOST, content};
 use fretwork_measured::{Prepare, Wanted};
 
 /// Writes the report of one result, or a comparison of several runs.
@@ -24,12 +27,13 @@ pub fn report(settings: &Report) -> Result<(), Error> {
     }
     let measured: Vec<_> =
         settings.measured.iter().map(|file| read_measured(file)).collect::<Result<_, _>>()?;
+    let engineering = settings.units == "engineering";
     let entries = settings.files.iter().map(|file| {
         // The names of the files distinguish the runs of a comparison.
         let label = file.file_stem().filter(|_| settings.files.len() > 1);
         let label = label.map(|name| name.to_string_lossy().into_owned());
-        let about = About { label, measured: measured.clone(), ..About::default() };
-        let entry = Entry::read(&read(file)?, &about, settings.units == "engineering");
+        let about = About { label, ..About::default() };
+        let entry = Entry::read(&read(file)?, &about, engineering, settings.files.len());
         entry.map_err(|error| {
             let file = file.display();
             Error::from(format!(
@@ -37,23 +41,24 @@ pub fn report(settings: &Report) -> Result<(), Error> {
             ))
         })
     });
-    let html = page(&entries.collect::<Result<Vec<_>, _>>()?)?;
+    let html =
+        report_page(&content(&entries.collect::<Result<Vec<_>, _>>()?, engineering, &measured)?);
     match &settings.file {
         Some(file) => write_file(&inside(file, &settings.files[0], "html"), html.as_bytes()),
         None => print(html.as_bytes()),
     }
 }
 
-/// The first two columns of numbers of a file.
-fn read_measured(file: &Path) -> Result<Measured, Error> {
+/// The first two columns of numbers of a file, as a set of the page.
+fn read_measured(file: &Path) -> Result<Value, Error> {
     let name = file.display().to_string();
     let found = fretwork_measured::read(&read(file)?, &Wanted::of(Prepare::Points));
     let mut found = found.map_err(|faults| format!("{name}: {}", faults.0[0].detail))?;
-    let data = found.prepared["data"].take();
-    let own = serde_json::from_value(data).ok();
-    let own = own.filter(|own: &Measured| Quantity::named(&own.output).is_some());
-    let mut own =
-        own.ok_or_else(|| format!("{name} has no output of a run: {}", found.notes.join(" ")))?;
-    own.name = name;
-    Ok(own)
+    let mut set = found.prepared["data"].take();
+    if set["output"].as_str().and_then(Quantity::named).is_none() {
+        return Err(format!("{name} has no output of a run: {}", found.notes.join(" ")).into());
+    }
+    set["kind"] = json!("points");
+    set["name"] = json!(name);
+    Ok(set)
 }

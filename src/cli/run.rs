@@ -13,6 +13,7 @@ use super::places::{self, inside};
 use super::printing::{Ended, Error, Progress, print, print_error, shown};
 use super::study;
 use crate::config::{Change, Output, Run};
+use crate::http::report_page;
 use fretwork_engine::outcome::Quantity;
 use fretwork_engine::request::fault::Faults;
 use fretwork_format::report::{self, About, Entry};
@@ -84,9 +85,9 @@ fn finish(
             computed: Some(clock::rfc3339(clock::now())),
             version: Some(env!("CARGO_PKG_VERSION").to_owned()),
             warnings: json!(job.prepared.warnings()),
-            ..About::default()
         };
-        let page = report::page(&[Entry::read(&answer.body, &about, true)?])?;
+        let entry = Entry::read(&answer.body, &about, true, 1)?;
+        let page = report_page(&report::content(&[entry], true, &[])?);
         write_file(&inside(report, file, "html"), page.as_bytes())?;
     }
     summarise(job, &answer, time)

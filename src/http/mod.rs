@@ -36,6 +36,7 @@ pub use access::sign_on::SignOn;
 pub use access::signed_link::ADMIN;
 pub use api::keys::{KEY_LIFETIMES, KEY_NAMES, KEY_ROLES, key_lifetime};
 pub use api::scenarios::{EXAMPLES, Example};
+pub use dashboard::report::page as report_page;
 pub use layers::Origins;
 pub use transport::admission::Connections;
 pub use transport::server::listen;

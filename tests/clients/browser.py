@@ -143,7 +143,7 @@ class Browser:
         size = {"width": width, "height": SIZES[width]}
         context = self.program(scheme).new_context(viewport=size, color_scheme="null" if FIREFOX else scheme, bypass_csp=False)
         context.add_init_script(PATIENT)
-        if not FIREFOX:
+        if not FIREFOX and base.startswith("http"):
             context.grant_permissions(["clipboard-read", "clipboard-write"], origin=base)
         if before:
             context.add_init_script(before)

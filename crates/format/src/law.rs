@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use serde::Serialize;
 use serde_json::Value;
 
 use super::document::Document;
@@ -21,7 +22,7 @@ const FRICTIONAL: [&str; 4] =
     ["energy_per_cycle", "dissipated_energy", "normal_force", "tangential_force"];
 
 /// What a fit says of its law.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Verdict {
     /// `holds`, `fails`, `trend` or `untested`.
     pub outcome: &'static str,

@@ -39,6 +39,7 @@ use document::Document;
 
 pub use csv::text_cell;
 pub use error::{Error, Missing};
+pub use fretwork_plot::text::escape;
 pub use fretwork_study::StudyFigure;
 pub use kind::{Format, Part};
 pub use law::{Verdict, is_in_verdict};

@@ -1,6 +1,6 @@
 //! Reports of results: pages for people.
 
-use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
+use axum::http::header::{CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE};
 use axum::response::{IntoResponse as _, Response};
 use serde_json::Value;
 use tokio::task;
@@ -12,27 +12,29 @@ use crate::http::answer::representation::refused;
 use crate::http::answer::stored::json_of;
 use crate::http::api::parameters::ResultKey;
 use crate::http::app::App;
+use crate::http::dashboard::report::{page, policy};
 use crate::http::problem::{Problem, Result, kinds};
 use crate::http::wire::{Query, Segment, instant, read_key, schemas};
-use fretwork_format::report::{About, Entry, MOST, page};
+use fretwork_format::report::{About, Entry, MOST, content};
 use fretwork_job::{JobId, Key};
 use fretwork_store::Filter;
 
 /// Maximum number of jobs in which a label is looked for.
 const JOBS: u32 = 20;
 
-/// Returns a report of a result: one HTML page, to be read, printed and archived.
+/// Returns a report of a result: one HTML file, to be read, printed and archived.
 ///
-/// The page has the inputs as submitted, the figures, the numbers with their errors, warnings, the versions, and the command
-/// that computes the result again. It contains no script and needs no other file. A report of a run fits on one page of A4
-/// or Letter. The label and the inputs as submitted are those of the latest job of the result that the caller may see, or of
-/// `job`. Without such a job, the inputs are those of the result, in the units of the report.
+/// The file shows what the page of the result shows to a guest, with figures that can be read, zoomed and saved. It contains the
+/// documents that it draws, and needs neither a network nor another file. Of a result of more than 4 MiB, it has some of the
+/// output cycles of the profiles and loops, or the first rows. Without scripts, it has the inputs and the main numbers. It also
+/// has the versions, and the command that computes the result again. The label and the inputs as submitted are those of the
+/// latest job of the result that the caller may see, or of `job`. Without such a job, the inputs are those of the result.
 ///
 /// With `with`, the report compares runs. It has the inputs that differ, and the differences of all numbers to this result.
 #[utoipa::path(get, path = "/v1/results/{key}/report", operation_id = "get_report", tag = "results",
     params(
         ResultKey,
-        ("units" = Option<schemas::UnitSystem>, Query, description = "`engineering` (the default): µm, mm³, MPa, mJ; or SI."),
+        ("units" = Option<schemas::UnitSystem>, Query, description = "The units at first. `engineering` (the default): µm, mm³, MPa, mJ; or SI."),
         ("with" = Option<Vec<String>>, Query, description = "The key of another run. May be repeated, up to seven times."),
         ("job" = Option<uuid::Uuid>, Query, description = "The job whose label and inputs the report shows."),
     ),
@@ -53,17 +55,20 @@ pub async fn report(app: App, caller: Caller, key: Segment, mut query: Query) ->
     let _turn = app.shares.heavy.turn(&caller.owner).await;
     let first = read_key(&key)?;
     let mut entries = Vec::new();
+    let count = 1 + others.len();
     for key in [first].into_iter().chain(others) {
         let about = about(&app, &caller, &key, job.filter(|_| key == first)).await?;
         let result = json_of(&app, &caller, &key).await?;
-        // Only one result is in memory at a time: what the report says of it is small.
-        let read = move || Entry::read(&result.body, &about, engineering);
+        // Only one result is in memory at a time: what the report has of it is bounded.
+        let read = move || Entry::read(&result.body, &about, engineering, count);
         let entry = task::spawn_blocking(read).await.map_err(Problem::bug)?;
         entries.push(entry.map_err(|error| refused(&key, error))?);
     }
-    let html = page(&entries).map_err(|error| refused(&first, error))?;
+    let made =
+        task::spawn_blocking(move || content(&entries, engineering, &[]).map(|own| page(&own)));
+    let html = made.await.map_err(Problem::bug)?.map_err(|error| refused(&first, error))?;
     let headers = [(CONTENT_TYPE, "text/html; charset=utf-8"), (CACHE_CONTROL, "no-store")];
-    Ok((headers, html).into_response())
+    Ok((headers, [(CONTENT_SECURITY_POLICY, policy())], html).into_response())
 }
 
 /// What the database knows about a result, as far as the caller may see it.
@@ -89,7 +94,5 @@ async fn about(app: &App, caller: &Caller, key: &Key, job: Option<JobId>) -> Res
         computed: known.as_ref().and_then(|known| known.computed).map(instant),
         version: program.map(|program| program.version.clone()),
         warnings: own.or(computing).unwrap_or(Value::Null),
-        // The server does not keep measured numbers.
-        measured: Vec::new(),
     })
 }

@@ -1,9 +1,11 @@
 //! Serves the files of the dashboard, which are compiled into the program.
 //!
-//! The dashboard's files need no access key. They contain no data: the dashboard uses the API like any other client.
+//! The dashboard's files need no access key. They contain no data: the dashboard uses the API like any other client. `report`
+//! puts the same modules and the documents of a result into one file.
 
 mod asset;
 pub mod docs;
+pub mod report;
 pub mod swagger;
 
 use std::sync::LazyLock;
@@ -27,14 +29,14 @@ use fretwork_job::WORDS;
 use fretwork_study::{Kind, OutputName};
 
 /// A file: its name under `/assets/`, its media type and its content.
-type File = (&'static str, &'static str, &'static [u8]);
+type File = (&'static str, &'static str, &'static str);
 
 /// The file at `/`.
-const INDEX: File = ("", "text/html; charset=utf-8", include_bytes!("index.html"));
+const INDEX: File = ("", "text/html; charset=utf-8", include_str!("index.html"));
 
 macro_rules! files {
     ($kind:literal: $($name:literal),*) => {
-        &[$(($name, $kind, include_bytes!($name))),*]
+        &[$(($name, $kind, include_str!($name))),*]
     };
 }
 
@@ -42,7 +44,7 @@ const SCRIPTS: &[File] = files!("text/javascript":
     "actions.js", "address.js", "allowed.js", "api.js", "csv.js", "details.js", "dom.js", "error.js", "estimate.js", "fields.js",
     "form.js", "limits.js", "main.js", "plan.js", "result.js", "run.js", "runs.js", "sign-in.js",
     "sketch.js", "summary.js", "units.js", "vary.js",
-    // The library, the access keys and the report.
+    // The library and the access keys.
     "keys.js", "library-actions.js", "library-columns.js", "library-table.js", "library.js",
     "thumbnails.js",
     // The live form.
@@ -77,7 +79,8 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; i
 static ASSETS: Assets = Assets {
     all: LazyLock::new(|| {
         let files = [&[INDEX][..], SCRIPTS, STYLES, IMAGES].concat();
-        let files = files.into_iter().map(|(name, kind, bytes)| Asset::new(name, kind, bytes));
+        let files =
+            files.into_iter().map(|(name, kind, text)| Asset::new(name, kind, text.as_bytes()));
         files.chain([Asset::new("words.js", "text/javascript", words().as_bytes())]).collect()
     }),
     policy: POLICY,

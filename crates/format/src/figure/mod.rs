@@ -26,14 +26,10 @@ use super::error::Result;
 use super::view::View;
 use fretwork_job::TaskKind;
 
-pub use axes::in_unit;
-pub use run::{last_curve, svg as of_run};
-pub use study::all as all_of_study;
-
 /// Draws the requested figure as an SVG document.
 pub fn svg(document: &Document<'_>, view: &View) -> Result<Vec<u8>> {
     let svg = match document.kind() {
-        TaskKind::Run => run::svg(document, None, view, Vec::new())?,
+        TaskKind::Run => run::svg(document, view)?,
         TaskKind::Study(kind) => study::svg(document, kind, view)?,
     };
     Ok(svg.into_bytes())

@@ -34,18 +34,11 @@ const LIMITING: Style = Style { color: "#000000", dash: Dash::ShortDashed, width
 const NO_REFERENCE: &str =
     "No values: the displacements of a line contact are known only against a reference.";
 
-/// Draws the requested figure of a run as an SVG document. `dense` is the same result with more output cycles, through which
-/// the lines of a history go, and `more` are other curves.
-pub fn svg(
-    document: &Document<'_>,
-    dense: Option<&Document<'_>>,
-    view: &View,
-    more: Vec<Series>,
-) -> Result<String> {
+/// Draws the requested figure of a run as an SVG document.
+pub fn svg(document: &Document<'_>, view: &View) -> Result<String> {
     refuse_study_options(view)?;
-    let drawing = Drawing { document, dense, view, quantity: view.figure.quantity };
+    let drawing = Drawing { document, view, quantity: view.figure.quantity };
     let mut figure = drawing.figure()?;
-    figure.series.extend(more);
     if view.figure.quantity.name == "pressure" && !figure.y.log {
         figure.y.range = below_poles(&figure.series);
     }
@@ -55,24 +48,6 @@ pub fn svg(
     }
     figure.about = Some(axes::about(&document.head, drawing.description(&figure)?));
     Ok(figure.svg())
-}
-
-/// The requested figure with one curve: the history, or the curve at the last output cycle.
-pub fn last_curve(
-    document: &Document<'_>,
-    dense: Option<&Document<'_>>,
-    view: &View,
-) -> Result<Figure> {
-    let quantity = view.figure.quantity;
-    let cycles = document.table(quantity.part, &View::default())?;
-    let last = cycles.axis("cycles").last().filter(|_| quantity.has_curve_per_cycle());
-    let view = View { cycles: last.map(|last| vec![*last]), ..view.clone() };
-    let mut figure = Drawing { document, dense, view: &view, quantity }.figure()?;
-    // The other curves are references, such as the limiting state.
-    figure
-        .series
-        .retain(|series| series.style.map(|style| style.color) == Some(Style::marked(0).color));
-    Ok(figure)
 }
 
 /// Refuses options that only figures of studies have.
@@ -88,7 +63,6 @@ fn refuse_study_options(view: &View) -> Result<()> {
 #[derive(Clone, Copy)]
 struct Drawing<'a> {
     document: &'a Document<'a>,
-    dense: Option<&'a Document<'a>>,
     view: &'a View,
     quantity: &'static Quantity,
 }
@@ -213,11 +187,6 @@ impl Drawing<'_> {
         let cycles = table.axis("cycles");
         let columns = self.quantity.columns();
         let mut series = self.history_curves(&table, &columns)?;
-        if let Some(dense) = self.dense {
-            let table = dense.table(Part::History, &View::default())?;
-            let lines = Drawing { document: dense, ..*self }.history_curves(&table, &columns)?;
-            series = smoothed(series, lines);
-        }
         let first = cycles.iter().copied().find(|cycles| *cycles > 0.0);
         let last = cycles.last().copied().unwrap_or(0.0);
         let log = first.is_some_and(|first| last >= LOG_RATIO * first);
@@ -319,20 +288,6 @@ impl Drawing<'_> {
         out.push_str(&axes::curves_in_words(figure, ", "));
         Ok(out.replace('$', ""))
     }
-}
-
-/// Lines through more points, with markers at the output cycles. A series without a line stays as it is.
-fn smoothed(series: Vec<Series>, lines: Vec<Series>) -> Vec<Series> {
-    let both = series.into_iter().zip(lines).flat_map(|(points, line)| {
-        match points.style.filter(|style| style.width > 0.0) {
-            None => vec![points],
-            Some(style) => vec![
-                line.styled(Style { mark: None, ..style }),
-                Series { label: String::new(), ..points.styled(Style { width: 0.0, ..style }) },
-            ],
-        }
-    });
-    both.collect()
 }
 
 fn numbers(column: &Value) -> Vec<f64> {

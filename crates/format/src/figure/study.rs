@@ -12,57 +12,16 @@ use crate::document::Document;
 use crate::error::{Error, Result};
 use crate::kind::Part;
 use crate::table::{Table, Values};
-use crate::view::{FigureOptions, StudyOptions, View};
+use crate::view::View;
 use fretwork_plot::{Axis, Figure};
 use fretwork_study::{Hints, Kind, Regions, StudyFigure};
 
 /// The note about the boundary after the runs. The legend has no room for it.
 const LATER: &str = " Thin: the boundary after the last cycle, within one amplitude step.";
 
-/// Maximum number of figures in a report.
-const MOST: usize = 12;
-
 /// Draws the requested figure of a study as an SVG document.
 pub fn svg(document: &Document<'_>, kind: &'static Kind, view: &View) -> Result<String> {
     Study::open(document, kind, view)?.drawn(view)
-}
-
-/// Draws figures of all kinds that a study has, of all its outputs and numbers that vary, as SVG documents.
-pub fn all(document: &Document<'_>, kind: &'static Kind, view: &View) -> Result<Vec<String>> {
-    let study = Study::open(document, kind, view)?;
-    let Offer { hints, members, outputs } = &study.offer;
-    let mut wanted: Vec<StudyOptions> = Vec::new();
-    for figure in hints.figures.iter().copied() {
-        let own = StudyOptions { kind: Some(figure), ..StudyOptions::default() };
-        match figure {
-            // A grid has curves or colours, whichever its default is.
-            StudyFigure::Curves | StudyFigure::Heat
-                if wanted.iter().any(|it| it.output.is_some()) => {}
-            StudyFigure::Scatter | StudyFigure::Profile => {
-                let over = members.iter().map(|(member, _)| Some(member.clone()));
-                wanted.extend(over.map(|over| StudyOptions { over, ..own.clone() }));
-            }
-            _ if figure.has_output() => {
-                let kind = own.kind.filter(|kind| *kind != StudyFigure::Curves);
-                let each = outputs.iter().map(|output| Some(output.clone()));
-                wanted.extend(each.map(|output| StudyOptions { kind, output, ..own.clone() }));
-            }
-            _ => wanted.push(own),
-        }
-    }
-    let mut figures = Vec::new();
-    for options in wanted.into_iter().take(MOST) {
-        let view = View {
-            figure: FigureOptions { study: options, ..view.figure.clone() },
-            ..view.clone()
-        };
-        match study.drawn(&view) {
-            // Some figures need certain measurements.
-            Err(Error::Missing(_)) => {}
-            drawn => figures.push(drawn?),
-        }
-    }
-    Ok(figures)
 }
 
 /// The members and outputs of a study. A column whose name is a JSON pointer is a member; every other column of numbers

@@ -1,118 +1,91 @@
-//! Reports: one HTML page of a result, or of several runs side by side, to be read, printed and archived.
+//! The content of reports. A report shows a result, or several runs side by side, with the views of the page in one HTML file.
 //!
-//! A page has no script and needs no other file. All texts pass [`html::text`], which escapes them. An [`Entry`] is what a
-//! page says of one result. It is small, so a comparison of large results holds only one of them at a time.
+//! The file has the documents that the views read. Without scripts, it shows inputs and main numbers as HTML. An [`Entry`] is
+//! what a file says of one result. Its size is bounded, so a comparison of large results holds only one of them at a time.
 
-mod compared;
+mod data;
 mod entry;
 mod html;
-mod inputs;
-mod measured;
-mod run;
+mod numbers;
 pub mod smooth;
-mod study;
+
+use serde_json::Value;
 
 use crate::document::Document;
 use crate::error::{Error, Missing, Result};
 use crate::notation::Notation;
-use crate::view::{FigureOptions, View};
-use entry::{origin, warnings};
-use fretwork_job::{TaskKind, earlier};
-use html::{pairs, section};
+use crate::view::View;
+use fretwork_job::TaskKind;
 
 pub use entry::{About, Entry};
-pub use measured::Measured;
 
-/// Maximum number of results on one page.
+/// Maximum number of results in one file.
 pub const MOST: usize = 8;
-/// The size of each figure, in px. Two of them fill the width of a page.
-const SIZE: (u16, u16) = (400, 196);
 /// Longest command that recomputes a result, in bytes.
 const COMMAND: usize = 4000;
 
+/// The parts of a file.
+pub struct Content {
+    /// The title.
+    pub title: String,
+    /// What the file shows without scripts, as HTML. The views replace it, but for the section of the origin.
+    pub body: String,
+    /// What the views show, as JSON that can stand in HTML.
+    pub data: String,
+}
+
 impl Entry {
-    /// Reads a stored result.
+    /// Reads a stored result, which is one of `count` in the file.
     ///
     /// # Errors
     /// The bytes are not a result.
-    pub fn read(stored: &[u8], about: &About, engineering: bool) -> Result<Self> {
-        let notation = Notation { is_si: !engineering };
-        let figure = FigureOptions { size: SIZE, ..FigureOptions::default() };
-        let view = View { engineering, figure, ..View::default() };
-        let (drawn, plain) = (Document::open(stored, &view)?, View::default());
+    pub fn read(stored: &[u8], about: &About, engineering: bool, count: usize) -> Result<Self> {
+        let plain = View::default();
         let si = Document::open(stored, &plain)?;
         let kind = si.kind();
         let asked = si.value(kind.member())?;
         let typed = about.submitted.as_ref().unwrap_or(&asked);
         let body = format!("{{\"{}\":{typed}}}", kind.member());
-        let mut entry = Self {
+        let notation = Notation { is_si: !engineering };
+        let warnings = data::warnings(&si, &asked, about);
+        let origin = [
+            ("Label", about.label.clone().filter(|_| count > 1)),
+            ("Key", Some(si.head.key.clone())),
+            ("Engine", Some(si.head.engine.to_string())),
+            ("Program", about.version.as_ref().map(|version| format!("fretwork {version}"))),
+            ("Computed", about.computed.clone()),
+        ];
+        let origin = origin.into_iter().filter_map(|(name, value)| Some((name.to_owned(), value?)));
+        Ok(Self {
             kind,
-            notation,
+            key: si.head.key.clone(),
             label: about.label.clone(),
-            inputs: inputs::listed(typed, notation, inputs::TYPED),
-            asked: inputs::listed(&asked, notation, inputs::COMPUTED),
-            cycles: f64::NAN,
-            warnings: warnings(&[&si.value("warnings")?, &about.warnings]),
-            origin: vec![
-                ("Key".to_owned(), si.head.key.clone()),
-                ("Engine".to_owned(), si.head.engine.to_string()),
-            ],
+            submitted: about.submitted.clone().filter(|_| kind == TaskKind::Run),
+            inputs: numbers::inputs(typed, notation),
+            numbers: numbers::results(&si, &asked, notation)?,
+            warnings: data::details(&[&si.value("warnings")?, &si.value("notes")?, &warnings]),
+            origin: origin.collect(),
             command: (body.len() <= COMMAND)
                 .then(|| format!("fretwork run - <<'END'\n{body}\nEND")),
-            ..Self::default()
-        };
-        let computed = about.computed.as_deref().and_then(|time| time.split_once('T'));
-        let computed =
-            computed.map(|(date, time)| format!("{date} {} UTC", &time[..5.min(time.len())]));
-        let version = about.version.as_ref().map(|version| format!("fretwork {version}"));
-        let known = [("Program", version), ("Computed", computed)];
-        let known = known.into_iter().filter_map(|(name, value)| Some((name.to_owned(), value?)));
-        entry.origin.extend(known);
-        // The verdict of a fit says it, too.
-        if entry.kind.word() != "fit" {
-            entry.warnings.extend(earlier::doubt(si.head.engine.numerics, &asked));
-        }
-        match kind {
-            TaskKind::Run => run::fill(&mut entry, [&si, &drawn], &view, &asked, &about.measured)?,
-            TaskKind::Study(kind) => study::fill(&mut entry, [&si, &drawn], &view, kind)?,
-        }
-        Ok(entry)
+            documents: data::documents(stored, &si, &warnings, count)?,
+        })
     }
 }
 
-/// Writes the report of one result, or of several runs, whose differences to the first it shows.
+/// The content of the report of one result, or of several runs. `measured` was measured in the test that a run simulates: sets
+/// of the page.
 ///
 /// # Errors
 /// Several results are not all runs.
-pub fn page(entries: &[Entry]) -> Result<String> {
-    match entries {
-        [entry] => Ok(html::page(entry.name(), &alone(entry))),
-        _ if entries.iter().any(|entry| entry.kind != TaskKind::Run) => {
-            let detail = "compares runs, and one of these results is a study. Make a report of each result alone";
-            Err(Error::Missing(vec![Missing { parameter: "with", detail: detail.to_owned() }]))
-        }
-        _ => Ok(html::page("Comparison of runs", &compared::body(entries))),
+pub fn content(entries: &[Entry], engineering: bool, measured: &[Value]) -> Result<Content> {
+    if entries.len() > 1 && entries.iter().any(|entry| entry.kind != TaskKind::Run) {
+        let detail = "compares runs, and one of these results is a study. Make a report of each result alone";
+        return Err(Error::Missing(vec![Missing { parameter: "with", detail: detail.to_owned() }]));
     }
-}
-
-/// The body of the page of one result.
-fn alone(entry: &Entry) -> String {
-    let mut body = html::heading(entry.name(), &entry.about());
-    let list = |title, of_scenario| {
-        let own = entry.inputs.iter().filter(|input| input.pointer.starts_with('/') == of_scenario);
-        let own = own.map(|input| (input.name.clone(), input.text.clone()));
-        section(title, &pairs(&own.collect::<Vec<_>>()))
+    let title = match entries {
+        [entry] => entry.name(),
+        _ => "Comparison of runs",
     };
-    body += &match entry.kind {
-        TaskKind::Run => list("Inputs", true),
-        TaskKind::Study(_) => list("Fixed inputs of the scenario", true) + &list("Study", false),
-    };
-    if entry.numbers.is_empty() {
-        body += &entry.sections;
-    } else {
-        let parts = ["<div class=\"columns\">", &run::results(entry), &entry.sections, "</div>"];
-        body += &parts.concat();
-    }
-    body += &html::figures(&entry.figures);
-    body + &entry.table + &html::warnings("Warnings", &entry.warnings) + &origin("Origin", entry)
+    let data = data::text(entries, engineering, measured)?;
+    Ok(Content { title: title.to_owned(), body: html::body(title, entries), data })
 }
