@@ -146,7 +146,9 @@ pub fn check(data: &Data, is_repair: bool) -> Result<(), Error> {
         for row in &damage {
             writeln!(io::stderr(), "written again: {row}")?;
         }
-        writeln!(io::stderr(), "the database as it was: {}", copy.display())?;
+        if let Some(copy) = copy {
+            writeln!(io::stderr(), "the database as it was: {}", copy.display())?;
+        }
     }
     let Checked { counts, damage } = block_on(store::check(dir))?;
     for row in &damage {

@@ -341,10 +341,12 @@ async fn a_repair_writes_what_follows_from_a_sound_body_and_nothing_else() {
         assert!(!check(dir.path()).await.unwrap().damage.is_empty(), "{statement}");
         let Repaired { copy, damage } = repair(dir.path()).await.unwrap();
         assert!(damage.len() >= 10, "{statement}: {damage:?}");
-        assert!(fs::read(&copy).unwrap() == before, "the copy is the database as it was");
+        assert!(fs::read(copy.unwrap()).unwrap() == before, "the copy is the database as it was");
         assert_eq!(check(dir.path()).await.unwrap().damage, [], "{statement}");
         assert!(answers(dir.path(), &mut targets).await == expected, "{statement}");
     }
+    let whole = repair(copy(library.path()).path()).await.unwrap();
+    assert_eq!(whole, Repaired { copy: None, damage: Vec::new() });
     let dir = changed(unchanged).await;
     let damage = check(dir.path()).await.unwrap().damage;
     assert_eq!(repair(dir.path()).await.unwrap().damage, []);

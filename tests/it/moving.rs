@@ -374,6 +374,14 @@ async fn a_line_that_is_no_line_of_an_export_is_refused_or_ends_the_import() {
         assert_eq!((done.results, done.refused.len()), (results, 1), "{:?}", done.refused);
         assert_refused(&done, name, words);
     }
+    // Exports can follow each other, and an editor may have changed the ends of lines.
+    let frame = zstd::encode_all(text.as_bytes(), 1).unwrap();
+    let edited = format!("{}\r\n\n{text}", text.replace('\n', "\r\n"));
+    for twice in [frame.repeat(2), edited.into_bytes()] {
+        fs::write(&file, twice).unwrap();
+        let done = import(TempDir::new().unwrap().path(), &file).await.unwrap();
+        assert_eq!((done.results, done.known, done.refused.len()), (4, 4, 0), "{done:?}");
+    }
     // A body that is too large is refused; a line that is even longer ends the import.
     for (spaces, refused, name) in [(96_000_001, 1, &*keys[1]), (97_000_000, 1, "in line 3")] {
         let mut lines = Lines::of_text(&file, &sound.text());

@@ -1,6 +1,6 @@
 """Changes an export of fretwork 0.4 or earlier, a database of SQLite, into the lines that `fretwork import` reads.
 
-    python3 -m fretwork_client.old_export results.db | fretwork import -
+python3 -m fretwork_client.old_export results.db | fretwork import -
 """
 
 import json
@@ -8,6 +8,7 @@ import sqlite3
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 # The SQLite application id of an export.
 EXPORT = 0x66726578
@@ -32,24 +33,28 @@ def lines(file: str | Path) -> Iterator[str]:
     about = dict(database.execute("SELECT name, value FROM about"))
     (results,) = database.execute("SELECT count(*) FROM results").fetchone()
     (numerics,) = database.execute("SELECT ifnull(max(numerics), 0) FROM results").fetchone()
-    yield json.dumps({
-        "fretwork_export": 2,
-        "version": about["program"].removeprefix("fretwork "),
-        "numerics": numerics,
-        "exported": about["exported"],
-        "results": results,
-    })
+    yield json.dumps(
+        {
+            "fretwork_export": 2,
+            "version": about["program"].removeprefix("fretwork "),
+            "numerics": numerics,
+            "exported": about["exported"],
+            "results": results,
+        }
+    )
     for row in database.execute("SELECT * FROM results JOIN bodies USING (key) ORDER BY key"):
-        yield line(row)
+        yield line(dict(row))
 
 
-def line(row: sqlite3.Row) -> str:
+def line(row: dict[str, Any]) -> str:
     """A line with a result, and what the exporting server knew about it."""
     known = {name: row[name] for name in ("key", "sha256", "owner", "computed", "wall_seconds", "cpu_seconds")}
     if row["version"] is not None:
-        known["program"] = {name: row[name] for name in ("version", "host", "architecture", "processors") if row[name] is not None}
+        known["program"] = {
+            name: row[name] for name in ("version", "host", "architecture", "processors") if row[name] is not None
+        }
     # Exports before 0.4 have no warnings.
-    if "warnings" in row.keys() and row["warnings"] is not None:
+    if row.get("warnings") is not None:
         known["warnings"] = json.loads(row["warnings"])
     if row["note"] is not None:
         known["note"] = {"text": row["note"], "owner": row["note_owner"], "at": row["note_at"]}

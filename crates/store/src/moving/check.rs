@@ -64,8 +64,8 @@ pub fn check(dir: &Path) -> Command<'_, Checked, Moving> {
 /// What a repair has changed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Repaired {
-    /// A copy of the database as it was.
-    pub copy: PathBuf,
+    /// A copy of the database as it was; `None` if there is no damage.
+    pub copy: Option<PathBuf>,
     /// Each damage that is repaired.
     pub damage: Vec<Damage>,
 }
@@ -83,6 +83,9 @@ pub fn repair(dir: &Path) -> Command<'_, Repaired, Moving> {
         }
         let _lock = open::lock(dir).await?;
         settle(&path).await?;
+        if check(dir).await?.damage.is_empty() {
+            return Ok(Repaired { copy: None, damage: Vec::new() });
+        }
         let copy = dir.join(format!("fretwork.unrepaired-{}.db", clock::now()));
         let part = Part::of(&copy, ".part")?;
         fs::copy(&path, &part.0).map_err(refused(&part.0))?;
@@ -98,7 +101,7 @@ pub fn repair(dir: &Path) -> Command<'_, Repaired, Moving> {
         let damage = of_results(&mut db, Some(&mut writer)).await?;
         db.close().await?;
         writer.close().await?;
-        Ok(Repaired { copy, damage })
+        Ok(Repaired { copy: Some(copy), damage })
     })
 }
 

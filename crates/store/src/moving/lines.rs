@@ -31,6 +31,9 @@ const SHORT_LINE: u64 = 1 << 20;
 /// The decompressor keeps at most this number of bytes, as a power of 2. Only `zstd --ultra` and `--long` need more.
 const WINDOW: u32 = 23;
 
+/// How a [`Head`] begins.
+const HEAD: &[u8] = b"{\"fretwork_export\":";
+
 /// The first line.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Head {
@@ -187,12 +190,20 @@ impl Lines {
         if let Some(json) = self.json.take() {
             return Ok(Next::Json(json));
         }
-        let mut line = self.line()?;
-        if line.is_empty() {
-            return Ok(Next::End);
+        loop {
+            let mut line = self.line()?;
+            if line.is_empty() {
+                return Ok(Next::End);
+            }
+            line.pop_if(|last| *last == b'\n');
+            // Exports can follow each other in a file.
+            let head = line.starts_with(HEAD).then(|| serde_json::from_slice(&line).ok()).flatten();
+            match head {
+                Some(Head { fretwork_export: FORM, results, .. }) => self.announced += results,
+                _ if line.trim_ascii().is_empty() => {}
+                _ => return Ok(Next::Line(line.into())),
+            }
         }
-        line.pop_if(|last| *last == b'\n');
-        Ok(Next::Line(line.into()))
     }
 
     /// A line with the line feed at its end; empty at the end of the file.
