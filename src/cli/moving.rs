@@ -80,26 +80,48 @@ pub fn export(settings: &Export) -> Result<(), Error> {
     let progress = &mut |done: usize, of| progress(done as f64, of);
     let done = block_on(store::export(place, file, &search, keys, progress))?;
     for key in &done.left_out {
-        writeln!(io::stderr(), "left out {key}: it is damaged, or was evicted during the export")?;
+        writeln!(
+            io::stderr(),
+            "left out {key}: it is damaged, or was evicted during the export; submitting its scenario computes it again"
+        )?;
     }
-    let line = format!("{}: {}\n", file.display(), results(done.results, done.bytes));
+    let name = if is_stdout { Path::new("standard output") } else { file };
+    let line = format!("{}: {}\n", name.display(), results(done.results, done.bytes));
     if is_stdout {
-        return Ok(io::stderr().write_all(line.as_bytes())?);
+        io::stderr().write_all(line.as_bytes())?;
+    } else {
+        print(line.as_bytes())?;
     }
-    print(line.as_bytes())
+    Ended::with(if done.left_out.is_empty() { 0 } else { 2 })
 }
 
 /// Imports the results of a file. The exit code is 2 if some were refused.
 pub fn import(settings: &Import) -> Result<(), Error> {
     let Import { file, verify_time, data } = settings;
     let done = block_on(service::import(data.place()?, file, *verify_time, progress("checked")))?;
-    let Imported { results: count, bytes, known, sampled, unverified, notes, refused, other_notes } =
-        done;
+    let Imported {
+        results: count,
+        bytes,
+        known,
+        sampled,
+        unverified,
+        notes,
+        missing,
+        refused,
+        other_notes,
+    } = done;
     for (key, why) in &refused {
         writeln!(io::stderr(), "refused the result {}: {}", key.escape_debug(), harmless(why))?;
     }
     for key in &other_notes {
         writeln!(io::stderr(), "{key} keeps its note, which differs from the one in the file")?;
+    }
+    if missing > 0 {
+        writeln!(
+            io::stderr(),
+            "the file has {missing} fewer results than its first line announces: it was cut, lines were removed, or the export \
+             left them out"
+        )?;
     }
     if unverified > 0 {
         writeln!(
@@ -109,7 +131,8 @@ pub fn import(settings: &Import) -> Result<(), Error> {
         )?;
     }
     let (stored, failed, kept) = (results(count, bytes), refused.len(), other_notes.len());
-    let (file, verified) = (file.display(), count - sampled - unverified);
+    let name = if file.as_os_str() == "-" { Path::new("standard input") } else { file };
+    let (file, verified) = (name.display(), count - sampled - unverified);
     let line = format!(
         "{file}: {stored} imported, {known} known already, {failed} refused; {verified} computed again, \
          {sampled} in part, {unverified} unverified; notes: {notes} imported, {kept} kept\n"
@@ -144,7 +167,7 @@ pub fn check(data: &Data, is_repair: bool) -> Result<(), Error> {
     if is_repair {
         let Repaired { copy, damage } = block_on(store::repair(dir))?;
         for row in &damage {
-            writeln!(io::stderr(), "written again: {row}")?;
+            writeln!(io::stderr(), "repaired: {row}")?;
         }
         if let Some(copy) = copy {
             writeln!(io::stderr(), "the database as it was: {}", copy.display())?;
@@ -153,6 +176,11 @@ pub fn check(data: &Data, is_repair: bool) -> Result<(), Error> {
     let Checked { counts, damage } = block_on(store::check(dir))?;
     for row in &damage {
         writeln!(io::stderr(), "damaged: {row}")?;
+    }
+    if is_repair && !damage.is_empty() {
+        let told = "not repaired, because no sound result proves what is right: submit the scenario of a damaged result with \
+                    `Cache-Control: no-cache`, use REINDEX of SQLite for an index, or restore a backup";
+        writeln!(io::stderr(), "{told}")?;
     }
     let found = match damage.len() {
         0 => "no damage".to_owned(),

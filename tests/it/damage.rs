@@ -351,6 +351,11 @@ async fn a_repair_writes_what_follows_from_a_sound_body_and_nothing_else() {
     let damage = check(dir.path()).await.unwrap().damage;
     assert_eq!(repair(dir.path()).await.unwrap().damage, []);
     assert_eq!(check(dir.path()).await.unwrap().damage, damage);
+    assert_eq!(repair(dir.path()).await.unwrap().copy, None, "nothing was written");
+    // A missing row is not written.
+    let dir = changed("DELETE FROM outline WHERE id = (SELECT min(id) FROM outline)").await;
+    assert_eq!(check(dir.path()).await.unwrap().damage.len(), 1);
+    assert_eq!(repair(dir.path()).await.unwrap(), Repaired { copy: None, damage: Vec::new() });
     // A body whose checksum is wrong proves nothing.
     let dir = changed("UPDATE result SET checksum = checksum + 1, size = size + 1").await;
     assert_eq!(repair(dir.path()).await.unwrap().damage, []);
@@ -364,7 +369,7 @@ async fn a_repair_writes_what_follows_from_a_sound_body_and_nothing_else() {
     store.close().await;
     let output = run(&words, "");
     let told = said(&output);
-    assert!(output.status.success() && told.contains("written again: outline "), "{told}");
+    assert!(output.status.success() && told.contains("repaired: outline "), "{told}");
     assert!(told.contains("the database as it was: ") && !told.contains("damaged: "), "{told}");
 }
 

@@ -382,6 +382,25 @@ async fn a_line_that_is_no_line_of_an_export_is_refused_or_ends_the_import() {
         let done = import(TempDir::new().unwrap().path(), &file).await.unwrap();
         assert_eq!((done.results, done.known, done.refused.len()), (4, 4, 0), "{done:?}");
     }
+    // The first line may be missing, may promise more than there is, or be that of a later version.
+    let (head, rest) = text.split_once('\n').unwrap();
+    let many = head.replace("\"results\":4", &format!("\"results\":{}", u64::MAX));
+    for (changed, results, missing) in [
+        (rest.to_owned(), 4, 0),
+        (format!("{head}\n{}\n", rest.lines().next().unwrap()), 1, 3),
+        (format!("{many}\n{text}"), 4, u64::MAX - 4),
+    ] {
+        fs::write(&file, changed).unwrap();
+        let done = import(TempDir::new().unwrap().path(), &file).await.unwrap();
+        assert_eq!((done.results, done.missing, done.refused.len()), (results, missing, 0));
+    }
+    let later = "{\"fretwork_export\":3,\"more\":[]}";
+    fs::write(&file, format!("{later}\n{rest}")).unwrap();
+    let refused = import(TempDir::new().unwrap().path(), &file).await;
+    assert!(matches!(refused, Err(Moving::LaterForm { found: 3, .. })), "{refused:?}");
+    fs::write(&file, format!("{text}{later}\n{rest}")).unwrap();
+    let done = import(TempDir::new().unwrap().path(), &file).await.unwrap();
+    assert_refused(&done, "in line 6", "a later version of fretwork wrote it; the rest");
     // A body that is too large is refused; a line that is even longer ends the import.
     for (spaces, refused, name) in [(96_000_001, 1, &*keys[1]), (97_000_000, 1, "in line 3")] {
         let mut lines = Lines::of_text(&file, &sound.text());
@@ -453,7 +472,8 @@ async fn an_export_of_version_0_4_becomes_lines() {
     let output = run(&words, &lines);
     let said = String::from_utf8(output.stdout.clone()).unwrap();
     assert!(
-        said.starts_with("-: 3 results (") && said.ends_with("notes: 1 imported, 0 kept\n"),
+        said.starts_with("standard input: 3 results (")
+            && said.ends_with("notes: 1 imported, 0 kept\n"),
         "{output:?}"
     );
     let (settings, options) = (Settings::default(), Options::default());
@@ -620,10 +640,10 @@ async fn an_export_goes_through_a_pipe() {
     let [from, to] = [server.dir.path(), dir.path()].map(|dir| dir.to_str().unwrap().to_owned());
     let exported = run(&["export", "-", "--data-dir", &from], "");
     let said = String::from_utf8(exported.stderr).unwrap();
-    assert!(exported.status.success() && said.contains("-: 2 results ("), "{said}");
+    assert!(exported.status.success() && said.contains(": 2 results ("), "{said}");
     let output = run(&["import", "-", "--data-dir", &to], exported.stdout);
     let said = String::from_utf8(output.stdout).unwrap();
-    assert!(output.status.success() && said.contains("-: 2 results ("), "{said}");
+    assert!(output.status.success() && said.contains(": 2 results ("), "{said}");
     let refused = run(&["import", "-", "--data-dir", &to], "some text");
     fails(&refused, "standard input is not an export");
     // A backup is a database, which is no stream.

@@ -67,8 +67,8 @@ def main() -> None:
         sys.exit(__doc__)
     try:
         for text in lines(sys.argv[1]):
-            print(text)
-    except ValueError as error:
+            sys.stdout.buffer.write(f"{text}\n".encode())
+    except (ValueError, OSError) as error:
         sys.exit(str(error))
 
 

@@ -4,11 +4,11 @@
 //! for this (`migrations/sqlite/0014_copies.sql`, `0015_verified.sql`). Other copies are in the body of the result,
 //! which has a checksum, and in other rows.
 
+use std::collections::HashSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use bytes::Bytes;
 use data_encoding::HEXLOWER;
 use futures_util::TryStreamExt as _;
 use serde_json::Value;
@@ -23,7 +23,7 @@ use crate::database::body::Body;
 use crate::database::error::{Command, Error, Result, is_other_file, unless_damaged};
 use crate::database::row::{Columns, Sum, changes, checksum};
 use crate::database::statement::{Statement, sql};
-use crate::database::tables::Connected as _;
+use crate::database::tables::{Connected as _, Tables as _};
 use crate::results::keep::outlined;
 use crate::results::search::names;
 use crate::sqlite::open::{self, DATABASE};
@@ -83,14 +83,17 @@ pub fn repair(dir: &Path) -> Command<'_, Repaired, Moving> {
         }
         let _lock = open::lock(dir).await?;
         settle(&path).await?;
-        if check(dir).await?.damage.is_empty() {
-            return Ok(Repaired { copy: None, damage: Vec::new() });
+        let mut db = opened(&path).await?;
+        let (mut damage, keys) = of_results(&mut db).await?;
+        let repaired: HashSet<String> = keys.iter().map(|key| HEXLOWER.encode(key)).collect();
+        damage.retain(|damage| damage.row.as_ref().is_some_and(|row| repaired.contains(row)));
+        if keys.is_empty() {
+            return Ok(Repaired { copy: None, damage });
         }
         let copy = dir.join(format!("fretwork.unrepaired-{}.db", clock::now()));
-        let part = Part::of(&copy, ".part")?;
-        fs::copy(&path, &part.0).map_err(refused(&part.0))?;
+        let part = Part::of(&dir.join("fretwork.unrepaired.db"), ".part")?;
+        fs::copy(&path, &part.0).map_err(refused(&copy))?;
         part.name(&copy)?;
-        let mut db = opened(&path).await?;
         // In a database without a log, a transaction of a reader would block the writer.
         db.execute(sql!("COMMIT")).await?;
         // A connection that has read a damaged page cannot commit. So another one writes, a result at a time.
@@ -98,7 +101,22 @@ pub fn repair(dir: &Path) -> Command<'_, Repaired, Moving> {
         let mut writer = SqliteConnection::connect_with(&options).await?;
         // Otherwise SQLite refuses to change a row that differs from an index. The change makes both equal.
         writer.execute(sql!("PRAGMA writable_schema = ON")).await?;
-        let damage = of_results(&mut db, Some(&mut writer)).await?;
+        for key in keys {
+            let row = db.one(sql!("SELECT body FROM result_blob WHERE key = $1"; &key)).await?;
+            let body = Body::stored(row.get("body")?).json();
+            let Some((body, document)) =
+                body.ok().and_then(|body| Some((body.clone(), Document::read(&body).ok()?)))
+            else {
+                continue;
+            };
+            if let Err(error) = derive(&mut writer, &key, &body, &document).await {
+                writer.execute(sql!("ROLLBACK")).await?;
+                // Another damage prevents the repair.
+                let Error::Damaged(_) = error else { return Err(error.into()) };
+                let key = HEXLOWER.encode(&key);
+                damage.retain(|damage| damage.row.as_ref() != Some(&key));
+            }
+        }
         db.close().await?;
         writer.close().await?;
         Ok(Repaired { copy: Some(copy), damage })
@@ -183,7 +201,7 @@ pub(super) async fn of_rows(db: &mut SqliteConnection) -> Result<Vec<Damage>> {
         Err(error) => damage.push(Damage::of("_sqlx_migrations", error)),
     }
     damage.extend(of_jobs(db).await?);
-    damage.extend(of_results(db, None).await?);
+    damage.extend(of_results(db).await?.0);
     Ok(damage)
 }
 
@@ -272,12 +290,9 @@ fn contradiction(row: &SqliteRow) -> sqlx::Result<Option<String>> {
     Ok(wrong.map(|(column, _)| format!("{column} contradicts changes")))
 }
 
-/// Compares each result with its body, its task and its outline. With a second connection, repairs the columns that follow
-/// from a sound body, and returns only what it has repaired.
-async fn of_results(
-    db: &mut SqliteConnection,
-    mut repair: Option<&mut SqliteConnection>,
-) -> Result<Vec<Damage>> {
+/// Compares each result with its body, its task and its outline. Also returns the keys of the damaged results whose bodies
+/// are sound.
+async fn of_results(db: &mut SqliteConnection) -> Result<(Vec<Damage>, Vec<Vec<u8>>)> {
     let columns: Vec<String> = names().map(|name| format!("outline.{name}")).collect();
     let statement = format!(
         "SELECT result.key AS key, summary, digest, result.size AS size, checksum, evicted, task, body, {}
@@ -286,29 +301,18 @@ async fn of_results(
         columns.join(", ")
     );
     let statement: Arc<str> = statement.into();
-    let (mut damage, mut last) = (Vec::new(), Vec::new());
+    let (mut damage, mut sound, mut last) = (Vec::new(), Vec::new(), Vec::new());
     // Reads one body at a time, to save memory.
     loop {
         let query = sqlx::query(AssertSqlSafe(Arc::clone(&statement))).bind(&last);
         match unless_damaged(query.fetch_optional(&mut *db).await)? {
-            Ok(None) => return Ok(damage),
+            Ok(None) => return Ok((damage, sound)),
             Ok(Some(row)) => {
                 last = row.get("key")?;
-                let (mut wrong, sound) = of_result(&row)
-                    .unwrap_or_else(|error| (vec![(table_of(&error), error.to_string())], None));
-                if let Some(writer) = &mut repair {
-                    match sound.filter(|_| !wrong.is_empty()) {
-                        Some((body, document)) => {
-                            let done = derive(writer, &last, &body, &document).await;
-                            if let Err(error) = done {
-                                writer.execute(sql!("ROLLBACK")).await?;
-                                // Another damage prevents the repair. The next check reports it.
-                                let Error::Damaged(_) = error else { return Err(error) };
-                                wrong.clear();
-                            }
-                        }
-                        None => wrong.clear(),
-                    }
+                let (wrong, is_sound) = of_result(&row)
+                    .unwrap_or_else(|error| (vec![(table_of(&error), error.to_string())], false));
+                if is_sound && !wrong.is_empty() {
+                    sound.push(last.clone());
                 }
                 let key = HEXLOWER.encode(&last);
                 damage.extend(wrong.into_iter().map(|(table, what)| Damage::at(table, &key, what)));
@@ -317,13 +321,12 @@ async fn of_results(
                 let next = "SELECT key FROM result WHERE key > ?1 ORDER BY key LIMIT 1";
                 let next = sqlx::query_scalar(next).bind(&last).fetch_optional(&mut *db).await;
                 let Ok(Some(next)) = next else {
-                    damage.extend(repair.is_none().then(|| Damage::of("result", error)));
-                    return Ok(damage);
+                    damage.push(Damage::of("result", error));
+                    return Ok((damage, sound));
                 };
                 last = next;
                 let what = format!("body, task or outline cannot be read: {error}");
-                let unread = || Damage::at("result_blob", &HEXLOWER.encode(&last), what);
-                damage.extend(repair.is_none().then(unread));
+                damage.push(Damage::at("result_blob", &HEXLOWER.encode(&last), what));
             }
         }
     }
@@ -342,11 +345,8 @@ fn table_of(error: &sqlx::Error) -> &'static str {
     }
 }
 
-/// Each fault of a result: the table, and a description. The second value is the body, if it is sound.
-#[expect(clippy::type_complexity, reason = "only one function uses it")]
-fn of_result(
-    row: &SqliteRow,
-) -> sqlx::Result<(Vec<(&'static str, String)>, Option<(Bytes, Document)>)> {
+/// Each fault of a result: the table, and a description; and whether its body is sound.
+fn of_result(row: &SqliteRow) -> sqlx::Result<(Vec<(&'static str, String)>, bool)> {
     let (key, task) = (row.get("key")?, row.get::<Option<&str>>("task")?);
     let is_real = row.get::<Option<&str>>("kind")?.is_some();
     let of_task = |task| Canonical::in_stored(task).is_some_and(|asked| is_key_of(&key, &asked));
@@ -355,19 +355,19 @@ fn of_result(
         wrong.push(("result_task", "task does not give the key".to_owned()));
     }
     if row.get::<Option<i64>>("evicted")?.is_some() {
-        return Ok((wrong, None));
+        return Ok((wrong, false));
     }
     let Some(body) = row.get::<Option<Vec<u8>>>("body")?.map(Body::stored) else {
         wrong.push(("result_blob", "body is missing".to_owned()));
-        return Ok((wrong, None));
+        return Ok((wrong, false));
     };
     if !Sum::read(row)?.is_of(&body) {
         wrong.push(("result_blob", "body or checksum is changed".to_owned()));
-        return Ok((wrong, None));
+        return Ok((wrong, false));
     }
     let Ok(body) = body.json() else {
         wrong.push(("result_blob", "body cannot be decompressed".to_owned()));
-        return Ok((wrong, None));
+        return Ok((wrong, false));
     };
     if row.get::<u64>("size")? != body.len() as u64 {
         wrong.push(("result", "size contradicts the body".to_owned()));
@@ -376,9 +376,10 @@ fn of_result(
         wrong.push(("result", "digest contradicts the body".to_owned()));
     }
     let document = Document::read(&body).ok();
-    wrong.extend(document.iter().flat_map(|document| of_document(row, document)));
-    let document = document.filter(|document| is_key_of(&key, &document.asked));
-    Ok((wrong, document.map(|document| (body, document))))
+    // The server writes a missing outline at its next start.
+    let compared = document.iter().filter(|_| is_real);
+    wrong.extend(compared.flat_map(|document| of_document(row, document)));
+    Ok((wrong, document.is_some_and(|document| is_key_of(&key, &document.asked))))
 }
 
 /// Writes the columns of a result that follow from its body.

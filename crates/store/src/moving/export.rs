@@ -43,16 +43,18 @@ pub fn export<'a>(
     progress: &'a mut dyn FnMut(usize, usize),
 ) -> Command<'a, Exported, Moving> {
     Box::pin(async move {
-        if file.exists() {
+        let is_stdout = is_stdio(file);
+        if !is_stdout && file.exists() {
             return Err(Moving::Exists(file.to_owned()));
         }
+        let file = if is_stdout { Path::new("standard output") } else { file };
         if !Administration::is_at(&place) {
             return Err(Moving::NoDatabase(place));
         }
         let mut db = Administration::open(place).await?;
         let named = !keys.is_empty();
         let keys = if named { keys.to_vec() } else { matching(&mut db, search).await? };
-        let (part, out): (_, Box<dyn Write>) = if is_stdio(file) {
+        let (part, out): (_, Box<dyn Write>) = if is_stdout {
             (None, Box::new(io::stdout()))
         } else {
             let part = Part::of(file, ".part")?;
@@ -69,6 +71,7 @@ pub fn export<'a>(
                     done.bytes += body.get().len() as u64;
                 }
                 Err(Absent::Unknown) if named => return Err(Moving::UnknownKey(*key)),
+                Err(Absent::Damaged) if named => return Err(Moving::DamagedResult(*key)),
                 Err(_) => done.left_out.push(*key),
             }
             progress(place + 1, keys.len());

@@ -36,6 +36,8 @@ pub struct Imported {
     pub unverified: u64,
     /// Number of notes that were stored.
     pub notes: u64,
+    /// Number of results that the first line of the file announces, but the file does not have.
+    pub missing: u64,
     /// The key of each refused result, and the reason.
     pub refused: Vec<(String, String)>,
     /// Results that keep their own note, because the note in the file differs.
@@ -102,6 +104,7 @@ impl Importer {
                 Ok(Next::Json(body)) => ("in the file".to_owned(), Entry::of_json(body)),
                 Ok(Next::End) => {
                     self.is_over = true;
+                    self.done.missing = self.lines.announced.saturating_sub(self.read) as u64;
                     return Ok(None);
                 }
                 Err(error) => self.end(&error.to_string()),
@@ -240,7 +243,8 @@ impl Entry {
         };
         let digest = Sha256::digest(&body).into();
         if digest != *sha256.bytes() {
-            let wrong = "the JSON of the result does not match its SHA-256; export it again";
+            let wrong = "the JSON of the result does not match its SHA-256; export it again, and choose lines with `grep`, \
+                         because other programs, such as `jq`, write numbers in another way";
             return Err(wrong.to_owned());
         }
         let cpu = read.cpu_seconds.map(seconds).transpose()?;

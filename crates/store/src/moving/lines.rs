@@ -16,7 +16,7 @@ use super::{FORM, Moving, refused};
 use crate::results::library::Note;
 use crate::sqlite::open::APPLICATION_ID;
 use fretwork_engine::scenario::MAX_ANSWER;
-use fretwork_job::{ENGINE, clock};
+use fretwork_job::{ENGINE, clock, is_too_deep};
 
 /// The SQLite application id of form 1 ("frex").
 const FIRST_FORM: i32 = 0x6672_6578;
@@ -144,6 +144,7 @@ impl Lines {
         let mut file: Box<dyn Read> = match path {
             _ if is_stdio(path) => Box::new(io::stdin()),
             // A FIFO would be opened only when another program writes to it.
+            _ if path.exists() && !path.is_file() => return Err(Moving::NoFile(path.to_owned())),
             _ if !path.is_file() => return Err(Moving::Nothing(path.to_owned())),
             _ => Box::new(File::open(path).map_err(refused(path))?),
         };
@@ -167,22 +168,26 @@ impl Lines {
         };
         let mut lines = Self { from, announced: 1, number: 0, json: None };
         let first = lines.line().map_err(damaged)?;
-        match serde_json::from_slice(&first) {
-            Ok(Head { fretwork_export: found, .. }) if found > FORM => {
-                Err(Moving::LaterForm { path: path.to_owned(), found })
-            }
-            Ok(Head { results, .. }) => Ok(Self { announced: results, ..lines }),
-            // A result is one line, unless somebody has formatted it.
-            Err(_) => {
-                let mut json = first;
-                json.reserve_exact(MAX_LINE as usize);
-                lines.from.take(MAX_LINE).read_to_end(&mut json).map_err(damaged)?;
-                // `fretwork run` ends the result with a line feed, which is not a part of the result.
-                json.pop_if(|last| *last == b'\n');
-                let from = Box::new(io::empty());
-                Ok(Self { from, announced: 1, number: 0, json: Some(json.into()) })
-            }
+        if let Some(found) = form_of(&first)
+            && found != FORM
+        {
+            return Err(Moving::LaterForm { path: path.to_owned(), found });
         }
+        if let Ok(Head { results, .. }) = serde_json::from_slice(&first) {
+            return Ok(Self { announced: results, ..lines });
+        }
+        // Somebody may have removed the first line.
+        if !is_too_deep(&first) && serde_json::from_slice::<Line<'_>>(&first).is_ok() {
+            let from = Box::new(Cursor::new(first).chain(lines.from));
+            return Ok(Self { from, announced: 1, number: 0, json: None });
+        }
+        // A result is one line, unless somebody has formatted it.
+        let mut json = first;
+        json.reserve_exact(MAX_LINE as usize);
+        lines.from.take(MAX_LINE).read_to_end(&mut json).map_err(damaged)?;
+        // `fretwork run` ends the result with a line feed, which is not a part of the result.
+        json.pop_if(|last| *last == b'\n');
+        Ok(Self { from: Box::new(io::empty()), announced: 1, number: 0, json: Some(json.into()) })
     }
 
     /// What comes next. After an error, nothing can be read.
@@ -197,11 +202,15 @@ impl Lines {
             }
             line.pop_if(|last| *last == b'\n');
             // Exports can follow each other in a file.
-            let head = line.starts_with(HEAD).then(|| serde_json::from_slice(&line).ok()).flatten();
-            match head {
-                Some(Head { fretwork_export: FORM, results, .. }) => self.announced += results,
-                _ if line.trim_ascii().is_empty() => {}
-                _ => return Ok(Next::Line(line.into())),
+            match form_of(&line) {
+                Some(FORM) => {
+                    let head: Option<Head> = serde_json::from_slice(&line).ok();
+                    let more = head.map_or(0, |head| head.results);
+                    self.announced = self.announced.saturating_add(more);
+                }
+                Some(_) => return Err(io::Error::other("a later version of fretwork wrote it")),
+                None if line.trim_ascii().is_empty() => {}
+                None => return Ok(Next::Line(line.into())),
             }
         }
     }
@@ -226,6 +235,16 @@ impl Lines {
         }
         Ok(line)
     }
+}
+
+/// The version of the form, if a line is the first one of an export.
+fn form_of(line: &[u8]) -> Option<u32> {
+    #[derive(Deserialize)]
+    struct Form {
+        fretwork_export: u32,
+    }
+    let form: Option<Form> = line.starts_with(HEAD).then(|| serde_json::from_slice(line).ok())?;
+    form.map(|form| form.fretwork_export)
 }
 
 /// Whether this is the name of standard input or output.

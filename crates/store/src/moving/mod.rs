@@ -50,6 +50,9 @@ pub enum Moving {
     /// The source does not exist.
     #[error("there is no file {}{}", .0.display(), if .0.exists() { ": it is something else" } else { "" })]
     Nothing(PathBuf),
+    /// The source is a directory, a pipe or a device.
+    #[error("{} is not a file; to read from a pipe, use `fretwork import -`", .0.display())]
+    NoFile(PathBuf),
     /// There is no database at this place.
     #[error(
         "there is no database in {0}; name the place of the database with --data-dir or --database"
@@ -90,6 +93,11 @@ pub enum Moving {
     /// The database does not have this result.
     #[error("there is no result with the key {0} in the database")]
     UnknownKey(Key),
+    /// A result of the database is damaged.
+    #[error(
+        "the result with the key {0} is damaged; submit its scenario with `Cache-Control: no-cache`, which computes it again"
+    )]
+    DamagedResult(Key),
     /// The file has changed since it was written.
     #[error("{} is damaged: {said}", path.display())]
     Damaged {
