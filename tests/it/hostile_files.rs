@@ -29,7 +29,7 @@ async fn change(file: &Path, statements: &str) {
 /// Runs a command, which must end. Returns its output and its peak memory in MiB.
 fn measured(words: &[&str]) -> (Output, u64) {
     let mut command = fretwork(words);
-    // A pipe that nobody reads would stop the command.
+    // A command that writes into a full pipe waits until somebody reads.
     let mut said = tempfile::tempfile().unwrap();
     command.stdout(Stdio::piped()).stderr(said.try_clone().unwrap());
     let mut child = command.spawn().unwrap();

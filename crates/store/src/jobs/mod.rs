@@ -1,4 +1,4 @@
-//! Jobs and their runs: submission, claims, cancellation, and what is read about them.
+//! Jobs and their runs: how they are submitted, claimed, canceled and read.
 
 pub(crate) mod ages;
 pub(crate) mod cancel;

@@ -64,14 +64,14 @@ pub fn check(dir: &Path) -> Command<'_, Checked, Moving> {
 /// What a repair has changed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Repaired {
-    /// A copy of the database as it was; `None` if there is no damage.
+    /// A copy of the database as it was; `None` if nothing was to be repaired.
     pub copy: Option<PathBuf>,
     /// Each damage that is repaired.
     pub damage: Vec<Damage>,
 }
 
 /// Writes what follows from the body of a result again, if it contradicts a body whose checksum is right. Nothing else is
-/// changed or deleted. No server may use the directory. Copies the database first.
+/// changed or deleted. No server may use the directory. Copies the database before the first change.
 ///
 /// # Errors
 /// A server is running, there is no database, its schema is damaged, or the copy cannot be written.
