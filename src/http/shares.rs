@@ -37,11 +37,17 @@ pub struct Shares {
     pub trees: Budget,
     /// Memory for answers.
     pub answers: Budget,
+    /// Memory for decompressors, while they send answers. A request waits for memory of `answers` while it holds this,
+    /// and never the other way round.
+    pub streams: Budget,
     /// Turns for heavy work: searching results or jobs, or comparing results.
     pub heavy: PerCaller,
     /// Turns for evaluations. A caller computes at most as many at a time as there are workers, and its further
     /// evaluations wait here. So an evaluation of another caller does not wait for all of them.
     pub evaluations: PerCaller,
+    /// Turns of the requests of one caller that read a large document, and the turn that all callers share.
+    documents: PerCaller,
+    document: Arc<Semaphore>,
     /// The memory that all permits hold at present, in bytes.
     pub held: Gauge,
 }
@@ -79,21 +85,44 @@ struct Held {
 /// Permission for heavy work or an evaluation, until this is dropped.
 pub type Turn = Option<OwnedSemaphorePermit>;
 
+/// Permission to have a large document in memory, until this is dropped.
+pub struct LargeDocument {
+    _own: OwnedSemaphorePermit,
+    _all: OwnedSemaphorePermit,
+}
+
 impl Shares {
-    /// Shares of this many bytes: an eighth for the bodies of requests, an eighth for their trees, and the rest for
-    /// answers. Each caller may compute as many evaluations at a time as there are `workers`.
+    /// Shares of this many bytes: an eighth for the bodies of requests, an eighth for their trees, a quarter for
+    /// decompressors, and the rest for answers. Each caller may compute as many evaluations at a time as there are `workers`.
     pub fn new(bytes: u64, workers: usize) -> Self {
         let held = Gauge::default();
         let of_requests =
-            |bytes| Budget::new(bytes, &held, "Send fewer large bodies at the same time.");
+            || Budget::new(bytes / 8, &held, "Send fewer large bodies at the same time.");
+        let of_answers = |bytes| Budget::new(bytes, &held, "Read their answers to the end.");
         Self {
-            bodies: of_requests(bytes / 8),
-            trees: of_requests(bytes / 8),
-            answers: Budget::new(bytes - bytes / 4, &held, "Read their answers to the end."),
+            bodies: of_requests(),
+            trees: of_requests(),
+            answers: of_answers(bytes / 2),
+            streams: of_answers(bytes / 4),
             heavy: PerCaller::new(HEAVY),
             evaluations: PerCaller::new(workers),
+            documents: PerCaller::new(1),
+            document: Arc::new(Semaphore::new(1)),
             held,
         }
+    }
+
+    /// Waits until a request of this caller may read a large document. One request at a time may.
+    ///
+    /// # Errors
+    /// The requests before it take longer than `LONGEST_WAIT`.
+    pub async fn large_document(&self, caller: &str) -> Result<LargeDocument> {
+        let end = longest_wait();
+        let own = timeout_at(end, self.documents.of(caller).acquire_owned());
+        let Ok(Ok(own)) = own.await else { return Err(documents_busy()) };
+        let all = timeout_at(end, Arc::clone(&self.document).acquire_owned());
+        let Ok(Ok(all)) = all.await else { return Err(documents_busy()) };
+        Ok(LargeDocument { _own: own, _all: all })
     }
 }
 
@@ -209,17 +238,11 @@ impl Permit {
 
     /// Gives back the memory that a body of this many bytes does not need.
     pub fn shrink(&mut self, bytes: usize) {
-        drop(self.split(bytes));
-    }
-
-    /// Takes out the memory that a body of this many bytes does not need, as another permit.
-    pub fn split(&mut self, bytes: usize) -> Self {
-        let Some(held) = &mut self.held else { return Self::default() };
+        let Some(held) = &mut self.held else { return };
         let units = bytes / UNIT as usize + 1;
         let unused = held.all.num_permits().saturating_sub(units);
-        let (own, all) = (held.own.split(unused), held.all.split(unused));
-        let gauge = held.gauge.clone();
-        Self { held: own.zip(all).map(|(own, all)| Held { own, all, gauge }) }
+        held.gauge.dec_by((unused as u64 * UNIT).cast_signed());
+        drop((held.own.split(unused), held.all.split(unused)));
     }
 }
 
@@ -242,8 +265,12 @@ fn all_full() -> Problem {
     full("Other requests use all the memory for large bodies. Try again in a moment.".to_owned())
 }
 
+fn documents_busy() -> Problem {
+    full("The server is reading other large results. Try again in a moment.".to_owned())
+}
+
 /// The problem for a request that does not get what it needs in time.
-pub fn full(detail: String) -> Problem {
+fn full(detail: String) -> Problem {
     Problem::new(&kinds::MEMORY_FULL, detail).retry_after(RETRY)
 }
 
@@ -297,7 +324,7 @@ mod tests {
         }
         assert!(shares.answers.hold("carla", 1 << 20).await.is_err());
         drop(shares.bodies.hold("carla", 1 << 20).await.unwrap());
-        assert_eq!(shares.held.get(), 6 << 20);
+        assert_eq!(shares.held.get(), 4 << 20);
         drop(readers);
     }
 

@@ -6,6 +6,9 @@ use fretwork_engine::scenario::MAX_ANSWER;
 
 use fretwork_job::{Prepared, Task};
 
+/// Maximum size of the result of a new run as JSON, in bytes. A result that is already known may be larger.
+pub const RUN_BYTES: usize = 16_000_000;
+
 /// The limits of new runs and studies.
 #[derive(Debug, Clone, Copy)]
 pub struct WorkLimits {
@@ -30,7 +33,13 @@ impl WorkLimits {
     pub fn refuse(&self, prepared: &Prepared) -> Option<Excess> {
         let time = Duration::try_from_secs_f64(prepared.seconds).unwrap_or(Duration::MAX);
         let limit = match &prepared.task {
-            Task::Run(_) => self.run,
+            Task::Run(run) => {
+                let bytes = run.1.answer_bytes();
+                if bytes > RUN_BYTES {
+                    return Some(Excess::RunBytes { bytes, limit: RUN_BYTES });
+                }
+                self.run
+            }
             Task::Study(study) => {
                 let (points, bytes) = (study.points(), study.bytes());
                 if points > self.study_points {
@@ -69,6 +78,19 @@ pub enum Excess {
     Points {
         /// The number of points of the study.
         points: usize,
+        /// The limit.
+        limit: usize,
+    },
+    /// Size of the result of a run.
+    #[error(
+        "The result would have about {} MB, and the limit is {} MB. Request profiles at fewer output cycles \
+         (`profiles_at`), fewer output cycles (`cycles`), or fewer radii (`points`).",
+        bytes / 1_000_000,
+        limit / 1_000_000
+    )]
+    RunBytes {
+        /// The estimated size of the result.
+        bytes: usize,
         /// The limit.
         limit: usize,
     },

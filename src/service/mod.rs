@@ -25,7 +25,7 @@ use fretwork_store::Store;
 
 pub use evaluate::{LARGEST_EVALUATION, LONGEST_EVALUATION, NotEvaluated};
 pub use import::import;
-pub use limits::{Excess, WorkLimits};
+pub use limits::{Excess, RUN_BYTES, WorkLimits};
 pub use submit::{Accepted, Refusal, Terms};
 pub use turns::{LONGEST_CALL, Unable};
 

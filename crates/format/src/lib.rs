@@ -45,7 +45,6 @@ pub use kind::{Format, Part};
 pub use law::{Verdict, is_in_verdict};
 use out::Out;
 pub use quantity::{QUANTITIES, Quantity};
-pub use table::missing_cycles;
 pub use view::{FigureOptions, StudyOptions, View};
 
 /// The version of the formats. Clients may cache answers for ever, so increase the version when the same

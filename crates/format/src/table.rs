@@ -394,7 +394,7 @@ impl Serialize for Table {
 }
 
 /// The selected output cycles that are not among these.
-pub fn missing_cycles(view: &View, cycles: &[f64]) -> Vec<Missing> {
+fn missing_cycles(view: &View, cycles: &[f64]) -> Vec<Missing> {
     let wanted = view.cycles.iter().flatten();
     let missing = wanted.filter(|wanted| !cycles.iter().any(|number| same(*number, **wanted)));
     let detail = |wanted| format!("{wanted} is not an output cycle; {}", listed(cycles));

@@ -1,6 +1,6 @@
 //! Answers made from results.
 
 pub mod listed;
-pub mod pieces;
 pub mod representation;
 pub mod stored;
+pub mod text;

@@ -9,7 +9,7 @@ use super::results::either;
 use crate::http::access::LINK_HOLDER;
 use crate::http::access::caller::Caller;
 use crate::http::answer::representation::refused;
-use crate::http::answer::stored::json_of;
+use crate::http::answer::stored::document;
 use crate::http::api::parameters::ResultKey;
 use crate::http::app::App;
 use crate::http::dashboard::report::{page, policy};
@@ -58,9 +58,9 @@ pub async fn report(app: App, caller: Caller, key: Segment, mut query: Query) ->
     let count = 1 + others.len();
     for key in [first].into_iter().chain(others) {
         let about = about(&app, &caller, &key, job.filter(|_| key == first)).await?;
-        let result = json_of(&app, &caller, &key).await?;
+        let result = document(&app, &caller, &key).await?;
         // Only one result is in memory at a time: what the report has of it is bounded.
-        let read = move || Entry::read(&result.body, &about, engineering, count);
+        let read = move || Entry::read(&result.json, &about, engineering, count);
         let entry = task::spawn_blocking(read).await.map_err(Problem::bug)?;
         entries.push(entry.map_err(|error| refused(&key, error))?);
     }

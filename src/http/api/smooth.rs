@@ -8,7 +8,7 @@ use utoipa::ToSchema;
 
 use crate::http::access::caller::Caller;
 use crate::http::answer::representation::refused;
-use crate::http::answer::stored::json_of;
+use crate::http::answer::stored::document;
 use crate::http::api::documents;
 use crate::http::api::parameters::ResultKey;
 use crate::http::app::App;
@@ -48,8 +48,8 @@ pub struct SmoothHistories {
 pub async fn smooth(app: App, caller: Caller, key: Segment, _: NoQuery) -> Result<Response> {
     let key = read_key(&key)?;
     let _turn = app.shares.evaluations.turn(&caller.owner).await;
-    let stored = json_of(&app, &caller, &key).await?;
-    let read = task::spawn_blocking(move || Denser::of(&stored.body));
+    let stored = document(&app, &caller, &key).await?;
+    let read = task::spawn_blocking(move || Denser::of(&stored.json));
     let denser = read.await.map_err(Problem::bug)?.map_err(|error| refused(&key, error))?;
     let Histories { history, simplified } = match denser {
         None => Histories::default(),

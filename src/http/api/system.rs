@@ -16,9 +16,9 @@ use crate::http::problem::{self, Problem, Result, kinds};
 use crate::http::transport::body::BODY_LIMIT;
 use crate::http::wire::negotiation::choose;
 use crate::http::wire::{self, NoQuery, Segment};
-use crate::service::{LONGEST_CALL, LONGEST_EVALUATION, WorkLimits};
+use crate::service::{LONGEST_CALL, LONGEST_EVALUATION, RUN_BYTES, WorkLimits};
 use fretwork_engine::request::fields::{MAX_CYCLES, POINTS_RANGE};
-use fretwork_engine::scenario::{MAX_ANSWER, NUMERICS};
+use fretwork_engine::scenario::NUMERICS;
 
 /// The health of the process.
 #[derive(Debug, Serialize, ToSchema)]
@@ -119,8 +119,8 @@ pub struct RequestLimits {
     /// Largest request body, in bytes.
     #[schema(example = 4_194_304)]
     body_bytes: usize,
-    /// Largest result as JSON, in bytes.
-    #[schema(example = 64_000_000)]
+    /// Largest result of a new run as JSON, in bytes.
+    #[schema(example = 16_000_000)]
     answer_bytes: usize,
     /// Longest estimated run of `POST /v1/evaluate`, in seconds.
     #[schema(example = 0.15)]
@@ -157,7 +157,7 @@ pub async fn version(app: App, _: NoQuery) -> Json<Version> {
         limits: RequestLimits {
             points: [POINTS_RANGE.0, POINTS_RANGE.1],
             cycles: MAX_CYCLES,
-            answer_bytes: MAX_ANSWER,
+            answer_bytes: RUN_BYTES,
             study_points,
             study_bytes,
             study_seconds: study.map(|time| time.as_secs()),

@@ -22,9 +22,8 @@ use serde_json::value::RawValue;
 
 use crate::http::access::caller::Caller;
 use crate::http::access::needs::Needs;
-use crate::http::answer::stored::{json as stored, require};
+use crate::http::answer::stored::{document, require};
 use crate::http::app::App;
-use crate::http::memory::Encoded;
 use crate::http::memory::models::AnyModel;
 use crate::http::problem::kinds::Kind;
 use crate::http::problem::{self, Problem, Result};
@@ -354,10 +353,8 @@ async fn likelihood_of(
         let message = format!("config/fit is the key of another result. {advice}: POST /v1/jobs.");
         return Err(bad_input(message));
     }
-    let Some(Encoded { body, permit, .. }) = stored(app, &caller.owner, &key).await? else {
-        return Err(bad_input("The fit was deleted meanwhile. Submit it again to POST /v1/jobs."));
-    };
-    let read = move || Some((Likelihood::read(&body), &permit).0);
+    let fit = document(app, caller, &key).await?;
+    let read = move || Some(Likelihood::read(&fit.json));
     let model = compute(app, 1e-3, read).await?;
     let model =
         Arc::new(model.map_err(|why| bad_input(format!("The fit has no likelihood: {why}.")))?);

@@ -7,7 +7,7 @@ use utoipa::ToSchema;
 
 use crate::http::access::caller::Caller;
 use crate::http::answer::representation::refused;
-use crate::http::answer::stored::json_of;
+use crate::http::answer::stored::document;
 use crate::http::api::parameters::ResultKey;
 use crate::http::app::App;
 use crate::http::problem::{Problem, Result, kinds};
@@ -40,8 +40,8 @@ pub struct VerdictAnswer {
 pub async fn verdict(app: App, caller: Caller, key: Segment, _: NoQuery) -> Result<Response> {
     let key = read_key(&key)?;
     let _turn = app.shares.heavy.turn(&caller.owner).await;
-    let stored = json_of(&app, &caller, &key).await?;
-    let read = task::spawn_blocking(move || Verdict::read(&stored.body));
+    let stored = document(&app, &caller, &key).await?;
+    let read = task::spawn_blocking(move || Verdict::read(&stored.json));
     let read = read.await.map_err(Problem::bug)?.map_err(|error| refused(&key, error))?;
     let Some(Verdict { outcome, verdict, reason, intervals }) = read else {
         let detail = "Only a fit has a verdict, and this result is not a fit.";

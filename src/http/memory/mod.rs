@@ -6,18 +6,17 @@
 pub mod models;
 
 use std::collections::HashMap;
+use std::pin::pin;
 use std::ptr;
 use std::sync::{Arc, OnceLock, Weak};
-use std::time::Duration;
 
 use axum::body::Bytes;
 use parking_lot::Mutex;
 use quick_cache::sync::{Cache, DefaultLifecycle};
 use quick_cache::{DefaultHashBuilder, OptionsBuilder, Weighter};
-use tokio::sync::{OwnedMutexGuard, OwnedSemaphorePermit, Semaphore};
-use tokio::time::sleep;
+use tokio::sync::{Notify, OwnedMutexGuard};
 
-use crate::http::shares::{Permit, SMALL, get_or_insert};
+use crate::http::shares::{Permit, get_or_insert};
 use crate::http::wire::coding::Coding;
 use fretwork_job::Key;
 use fretwork_store::Deletions;
@@ -29,33 +28,12 @@ pub struct Encoded {
     pub body: Bytes,
     /// How the bytes are compressed.
     pub coding: Coding,
+    /// The number of bytes without compression.
+    pub size: usize,
     /// Permission for the memory of the bytes while clients read them. Bytes in the cache count against the size of the
     /// cache instead.
     pub permit: Option<Arc<Permit>>,
 }
-
-impl Encoded {
-    /// An uncompressed body.
-    pub fn plain(body: Bytes) -> Self {
-        Self::of(body, Coding::Identity, None)
-    }
-
-    /// A body, and permission for its memory.
-    pub fn of(body: Bytes, coding: Coding, permit: Option<Permit>) -> Self {
-        let permit = permit.filter(Permit::is_held).map(|mut permit| {
-            permit.shrink(body.len());
-            Arc::new(permit)
-        });
-        Self { body, coding, permit }
-    }
-}
-
-/// Maximum number of answers that are made from large results at the same time. Each takes several times the size of
-/// its result, for a moment.
-const MAX_MAKERS: usize = 1;
-
-/// A request that waits for memory checks at this interval whether another request has made its answer.
-const LOOK_AGAIN: Duration = Duration::from_millis(50);
 
 /// One answer that is being made or sent.
 #[derive(Debug, Default)]
@@ -72,7 +50,8 @@ pub struct Memory {
     cache: Cache<String, Encoded, Size>,
     /// Answers that are being made or sent.
     slots: Mutex<HashMap<String, Weak<Slot>>>,
-    makers: Arc<Semaphore>,
+    /// Wakes requests that wait for an answer which another request makes.
+    finished: Notify,
 }
 
 /// Permission to make an answer. Other requests for it wait until this is dropped.
@@ -135,13 +114,8 @@ impl Memory {
         Self {
             cache: Cache::with_options(options, Size, hash, life),
             slots: Mutex::default(),
-            makers: Arc::new(Semaphore::new(MAX_MAKERS)),
+            finished: Notify::new(),
         }
-    }
-
-    /// Waits for permission to make an answer from a large result.
-    pub async fn maker(&self) -> Option<OwnedSemaphorePermit> {
-        Arc::clone(&self.makers).acquire_owned().await.ok()
     }
 
     /// The cached answer with this name.
@@ -163,15 +137,18 @@ impl Memory {
         }
     }
 
-    /// Returns when another request has made the answer with this name, and the caller needs no more memory for it:
-    /// because another request reads it too, or because it is small.
-    pub async fn made(&self, name: &str) {
-        let is_small = |answer: Encoded| answer.body.len() <= SMALL;
-        while !self.get(name).is_some_and(is_small)
-            && let Lookup::Missing(making) = self.lookup(name).await
-        {
-            drop(making);
-            sleep(LOOK_AGAIN).await;
+    /// Waits until another request has made the answer with this name and reads it.
+    pub async fn made(&self, name: &str) -> Encoded {
+        loop {
+            let mut finished = pin!(self.finished.notified());
+            finished.as_mut().enable();
+            let slot = self.slots.lock().get(name).and_then(Weak::upgrade);
+            if let Some(slot) = slot
+                && let Some(answer) = slot.answer.get()
+            {
+                return share(answer, &slot);
+            }
+            finished.await;
         }
     }
 
@@ -187,7 +164,9 @@ impl Memory {
                 self.cache.insert(name, Encoded { permit: None, ..answer.clone() });
             }
         }
-        share(slot.answer.get_or_init(|| answer), &slot)
+        let shared = share(slot.answer.get_or_init(|| answer), &slot);
+        self.finished.notify_waiters();
+        shared
     }
 
     /// Removes all answers of a deleted result. Requests that already read one continue.
@@ -222,13 +201,13 @@ mod tests {
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     use futures_util::FutureExt as _;
-    use tokio::time::timeout;
 
     use super::*;
     use crate::http::shares::NAMES;
 
     fn answer(size: usize) -> Encoded {
-        Encoded::plain(Bytes::from(vec![0; size]))
+        let body = Bytes::from(vec![0; size]);
+        Encoded { body, coding: Coding::Identity, size, permit: None }
     }
 
     fn address(answer: &Encoded) -> *const u8 {
@@ -299,25 +278,22 @@ mod tests {
         let memory = Memory::new(0);
         // The first request was dropped. Only the thread that makes its answer holds `making`.
         let making = making(&memory, "name").await;
-        let mut next = std::pin::pin!(memory.lookup("name"));
+        let mut next = pin!(memory.lookup("name"));
         assert!((&mut next).now_or_never().is_none(), "it waits for the answer");
         drop(memory.finish(making, answer(1), false));
         assert!(matches!(next.await, Lookup::Found(answer) if answer.body.len() == 1));
     }
 
-    #[tokio::test(start_paused = true)]
+    #[tokio::test]
     async fn a_request_that_waits_for_memory_learns_that_another_one_made_its_answer() {
         let memory = Memory::new(0);
-        let other = async {
-            sleep(LOOK_AGAIN / 2).await;
-            let answer = memory.finish(making(&memory, "name").await, answer(1), false);
-            sleep(LOOK_AGAIN).await;
-            answer
-        };
-        let mut made = std::pin::pin!(memory.made("name"));
+        let mut made = pin!(memory.made("name"));
         assert!((&mut made).now_or_never().is_none(), "no request has made it yet");
-        let both = async { tokio::join!(other, made) };
-        let (_held, ()) = timeout(10 * LOOK_AGAIN, both).await.expect("it looks again");
+        let other = memory.finish(making(&memory, "other").await, answer(1), false);
+        assert!((&mut made).now_or_never().is_none(), "this is another answer");
+        let sent = memory.finish(making(&memory, "name").await, answer(1), false);
+        assert_eq!(address(&made.await), address(&sent));
+        drop(other);
     }
 
     #[tokio::test]
@@ -336,18 +312,6 @@ mod tests {
         let sent = memory.finish(late, answer(1), true);
         drop(making(&memory, &name).await);
         assert_eq!(sent.body.len(), 1);
-    }
-
-    #[tokio::test]
-    async fn the_number_of_concurrent_answers_from_large_results_is_limited() {
-        let memory = Memory::new(0);
-        let mut permits = Vec::new();
-        while let Some(Some(permit)) = memory.maker().now_or_never() {
-            permits.push(permit);
-        }
-        assert_eq!(permits.len(), MAX_MAKERS);
-        permits.pop();
-        assert!(memory.maker().now_or_never().flatten().is_some());
     }
 
     #[tokio::test]

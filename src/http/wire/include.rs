@@ -34,8 +34,8 @@ impl Include {
         query.value("include", accepted, read).unwrap_or_default()
     }
 
-    /// The members to add to a job: their names and their JSON.
-    pub fn members(self, asked: &Asked, result: Option<Bytes>) -> Vec<(&'static str, Bytes)> {
+    /// The members to add to a job, except the result: their names and their JSON.
+    pub fn members(self, asked: &Asked) -> Vec<(&'static str, Bytes)> {
         let mut members = Vec::new();
         if self.scenario {
             // A study is added under its own name, such as `sweep`.
@@ -48,7 +48,6 @@ impl Include {
             let submitted = asked.submitted.clone().map_or(NULL, Bytes::from);
             members.push(("submitted", submitted));
         }
-        members.extend(result.map(|result| ("result", result)));
         members
     }
 }

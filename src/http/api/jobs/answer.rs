@@ -1,25 +1,25 @@
 //! A job as JSON, with or without its scenario and its result.
 
-use std::convert::Infallible;
-use std::mem;
-
 use axum::Extension;
 use axum::body::{Body, Bytes};
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
-use futures_util::stream;
+use futures_util::stream::{self, StreamExt as _};
 use serde::Serialize;
 use serde_json::{Value, json};
 use utoipa::ToSchema;
 
 use crate::http::access::caller::Caller;
-use crate::http::answer::stored;
+use crate::http::answer::representation::Representation;
+use crate::http::answer::stored::stored;
+use crate::http::answer::text::Text;
 use crate::http::api::documents;
 use crate::http::app::App;
-use crate::http::memory::Encoded;
 use crate::http::problem::{Problem, Result, kinds};
+use crate::http::wire::coding::Coding;
 use crate::http::wire::include::{Include, NULL};
 use crate::http::wire::{instant, schemas};
+use fretwork_format::{Format, Part, View};
 use fretwork_job::{Failure, Job, JobId, JobState, Key, Origin, Recomputed};
 use fretwork_store::{self as store, Asked};
 
@@ -198,39 +198,38 @@ pub(super) async fn answer(
     } else {
         Asked::default()
     };
-    if !include.result {
-        return write(job, include.members(&asked, None));
-    }
-    let Encoded { body, permit, .. } = result_of(app, &caller.owner, &job).await?;
-    let response = write(job, include.members(&asked, Some(body)))?;
-    Ok((permit.map(Extension), response).into_response())
+    let result = if include.result { Some(result_of(app, caller, &job).await?) } else { None };
+    write(job, include.members(&asked), result)
 }
 
 /// The JSON of the result of a job; null if it has none.
-pub(super) async fn result_of(app: &App, caller: &str, job: &Job) -> Result<Encoded> {
-    let json = match job.state {
-        JobState::Succeeded => stored::json(app, caller, &job.key).await?,
-        _ => None,
-    };
-    Ok(json.unwrap_or_else(|| Encoded::plain(NULL)))
+pub(super) async fn result_of(app: &App, caller: &Caller, job: &Job) -> Result<Text> {
+    if job.state == JobState::Succeeded {
+        let result =
+            Representation::new(caller, job.key, Part::Whole, Format::Json, View::default());
+        let text = result.text(app, Coding::Identity).await;
+        // The result may have been evicted.
+        if text.is_ok() || stored(app, &job.key).await?.is_some() {
+            return text;
+        }
+    }
+    Ok(Text::of(NULL))
 }
 
-/// Writes a job, followed by more members: their names and their JSON.
-pub(super) fn write(job: Job, members: Vec<(&str, Bytes)>) -> Result<Response> {
+/// Writes a job, followed by more members, with their names and their JSON, and by its result.
+pub(super) fn write(
+    job: Job,
+    members: Vec<(&str, Bytes)>,
+    result: Option<Text>,
+) -> Result<Response> {
     let (key, id) = (job.key, job.id);
     let mut told = serde_json::to_vec(&JobAnswer::from(job)).map_err(Problem::bug)?;
-    let mut pieces = Vec::new();
     for (name, text) in members {
         // The stored bytes are copied: to parse and print them again would cost more than everything else
         // here, and could change digits.
         told.pop();
         told.extend_from_slice(format!(",\"{name}\":").as_bytes());
-        if text.len() > store::LARGE {
-            // A large text is not copied: other answers share the same bytes.
-            pieces.extend([mem::take(&mut told).into(), text]);
-        } else {
-            told.extend_from_slice(&text);
-        }
+        told.extend_from_slice(&text);
         told.push(b'}');
     }
     let headers = [
@@ -240,12 +239,18 @@ pub(super) fn write(job: Job, members: Vec<(&str, Bytes)>) -> Result<Response> {
         (header::CONTENT_LOCATION, address(id)),
         (header::LINK, format!("</v1/results/{key}>; rel=\"related\"")),
     ];
-    if pieces.is_empty() {
+    let Some(result) = result else { return Ok((headers, told).into_response()) };
+    told.pop();
+    told.extend_from_slice(b",\"result\":");
+    if let Some(bytes) = result.bytes().filter(|bytes| bytes.len() <= store::LARGE) {
+        told.extend_from_slice(bytes);
+        told.push(b'}');
         return Ok((headers, told).into_response());
     }
-    pieces.push(told.into());
-    let length = pieces.iter().map(Bytes::len).sum::<usize>().to_string();
-    let pieces = stream::iter(pieces.into_iter().map(Ok::<_, Infallible>));
-    let length = [(header::CONTENT_LENGTH, length)];
-    Ok((headers, length, Body::from_stream(pieces)).into_response())
+    let length = result.length().map(|length| told.len() + length + 1);
+    let length = length.map(|length| [(header::CONTENT_LENGTH, length.to_string())]);
+    let permit = result.permit.clone().map(Extension);
+    let pieces = |bytes: Bytes| stream::iter([Ok(bytes)]);
+    let body = pieces(told.into()).chain(result.pieces()).chain(pieces(Bytes::from_static(b"}")));
+    Ok((headers, length, permit, Body::from_stream(body)).into_response())
 }

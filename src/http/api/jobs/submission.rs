@@ -2,7 +2,6 @@
 
 use std::time::Duration;
 
-use axum::Extension;
 use axum::body::Bytes;
 use axum::http::header::{self, HeaderName};
 use axum::http::{HeaderMap, StatusCode};
@@ -10,9 +9,9 @@ use axum::response::{IntoResponse as _, Response};
 
 use super::answer::{JobAnswer, address, result_of, write};
 use crate::http::access::caller::Caller;
+use crate::http::answer::text::Text;
 use crate::http::api::scenarios::parse;
 use crate::http::app::App;
-use crate::http::memory::Encoded;
 use crate::http::problem::{Problem, Result, kinds};
 use crate::http::transport::body::Body;
 use crate::http::wire::include::{Include, NULL};
@@ -84,7 +83,7 @@ pub async fn submit(
 ) -> Result<Response> {
     let include = Include::take(&mut query);
     query.finish()?;
-    let (trace, share) = (caller.trace.clone(), caller.owner.clone());
+    let reader = caller.clone();
     let terms = terms(caller, &headers)?;
     let (wait, afresh) = (terms.wait, terms.afresh);
     let submission = parse(body, Submission::parse).await?;
@@ -96,23 +95,19 @@ pub async fn submit(
     if repeated && include.submitted {
         asked = app.store.asked(job.id).await?;
     }
-    let (result, permit) = match answer {
-        _ if !include.result => (None, None),
-        Some(answer) if job.state == JobState::Succeeded => (Some(answer.body), None),
+    let result = match answer {
+        _ if !include.result => None,
+        Some(answer) if job.state == JobState::Succeeded => Some(Text::of(answer.body)),
         // The job is accepted, so the client must get it even if its result cannot be read.
-        _ => match result_of(&app, &share, &job).await {
-            Ok(Encoded { body, permit, .. }) => (Some(body), permit),
-            Err(problem) => {
-                if let Some(error) = problem.cause() {
-                    let request = trace.as_ref().map(|trace| &*trace.id);
-                    tracing::error!(request, job = %job.id, error, "cannot read the result");
-                }
-                (Some(NULL), None)
+        _ => Some(result_of(&app, &reader, &job).await.unwrap_or_else(|problem| {
+            if let Some(error) = problem.cause() {
+                let request = reader.trace.as_ref().map(|trace| &*trace.id);
+                tracing::error!(request, job = %job.id, error, "cannot read the result");
             }
-        },
+            Text::of(NULL)
+        })),
     };
-    let response = accepted(job, include.members(&asked, result), wait, afresh)?;
-    Ok((permit.map(Extension), response).into_response())
+    accepted(job, include.members(&asked), result, wait, afresh)
 }
 
 /// The terms of a submission, from its headers.
@@ -133,6 +128,7 @@ fn terms(caller: Caller, headers: &HeaderMap) -> Result<Terms> {
 fn accepted(
     job: Job,
     members: Vec<(&str, Bytes)>,
+    result: Option<Text>,
     wait: Option<Duration>,
     afresh: bool,
 ) -> Result<Response> {
@@ -144,7 +140,7 @@ fn accepted(
     } else {
         (StatusCode::ACCEPTED, Some([(header::LOCATION, address(job.id))]))
     };
-    Ok((status, cache, applied, location, write(job, members)?).into_response())
+    Ok((status, cache, applied, location, write(job, members, result)?).into_response())
 }
 
 impl From<Refusal> for Problem {

@@ -1,0 +1,76 @@
+//! The text of an answer, which may be decompressed while it is sent.
+
+use std::io;
+use std::sync::Arc;
+
+use axum::Extension;
+use axum::body::{Body, Bytes};
+use axum::http::header::CONTENT_LENGTH;
+use axum::response::{IntoResponse, Response};
+use futures_util::stream::{self, Stream, StreamExt as _};
+
+use crate::http::memory::Encoded;
+use crate::http::shares::Permit;
+use crate::http::wire::coding::Coding;
+
+/// The text of an answer.
+pub struct Text {
+    /// The bytes in memory.
+    pub answer: Encoded,
+    /// The coding in which they are sent. If it is not theirs, they are compressed with Zstandard.
+    pub coding: Coding,
+    /// Permission for the memory that sending takes.
+    pub permit: Option<Arc<Permit>>,
+}
+
+impl Text {
+    /// A text that is sent as it is in memory.
+    pub fn whole(answer: Encoded) -> Self {
+        Self { coding: answer.coding, permit: answer.permit.clone(), answer }
+    }
+
+    /// A short text.
+    pub fn of(body: Bytes) -> Self {
+        Self::whole(Encoded { size: body.len(), body, coding: Coding::Identity, permit: None })
+    }
+
+    /// The bytes, if they are sent as they are in memory.
+    pub fn bytes(&self) -> Option<&Bytes> {
+        (self.coding == self.answer.coding).then_some(&self.answer.body)
+    }
+
+    /// The number of bytes that are sent, if it is known before they are compressed.
+    pub fn length(&self) -> Option<usize> {
+        match self.coding {
+            coding if coding == self.answer.coding => Some(self.answer.body.len()),
+            Coding::Identity => Some(self.answer.size),
+            Coding::Gzip | Coding::Zstd => None,
+        }
+    }
+
+    /// The bytes that are sent, piece by piece.
+    pub fn pieces(self) -> impl Stream<Item = io::Result<Bytes>> + Send + use<> {
+        if let Some(bytes) = self.bytes() {
+            return stream::iter([Ok(bytes.clone())]).left_stream();
+        }
+        let recoded = self.coding.recoded(self.answer.body);
+        // The status is already sent. A client notices that the end is missing.
+        let told = |piece: &io::Result<Bytes>| {
+            if let Err(error) = piece {
+                tracing::error!(%error, "an answer ended early");
+            }
+        };
+        stream::iter(recoded.inspect(told)).right_stream()
+    }
+}
+
+impl IntoResponse for Text {
+    fn into_response(self) -> Response {
+        let permit = self.permit.clone().map(Extension);
+        if let Some(bytes) = self.bytes() {
+            return (permit, bytes.clone()).into_response();
+        }
+        let length = self.length().map(|length| [(CONTENT_LENGTH, length.to_string())]);
+        (permit, length, Body::from_stream(self.pieces())).into_response()
+    }
+}
