@@ -112,24 +112,23 @@ impl Representation {
         Ok(Some(Encoded { body, coding, size, permit: None }))
     }
 
-    /// An answer from a large result. It is made once, compressed, and all its readers share these bytes. Who wants
-    /// another coding gets it while the answer is sent. `size` is the size of the result as JSON, in bytes.
+    /// An answer from a large result. It is made once, compressed, and all its readers share these bytes. For a client that
+    /// accepts no compression, they are decompressed while they are sent. `size` is the size of the result as JSON, in
+    /// bytes.
     async fn large(&self, app: &App, coding: Coding, size: usize) -> Result<Text> {
         let (end, caller, shares) = (longest_wait(), &self.caller.owner, &app.shares);
-        let is_sent_as_made = coding == Coding::Zstd || self.format == Format::Npz;
-        let stream = if is_sent_as_made {
-            Permit::default()
-        } else {
-            shares.streams.hold_until(end, caller, DECODER).await?
-        };
-        let name = [&self.name, " large"].concat();
+        let is_decoded = coding == Coding::Identity && self.format != Format::Npz;
+        let memory = if is_decoded { DECODER } else { 0 };
+        let stream = shares.streams.hold_until(end, caller, memory).await?;
+        let made_in = if coding == Coding::Gzip { coding } else { Coding::Zstd };
+        let name = self.name_in(made_in) + " large";
         let made = async {
             // An answer takes less memory than its result. The request waits for it before it takes the single-flight
             // lock, so that it does not delay other callers who want the same answer.
             let permit = shares.answers.hold_until(end, caller, size).await?;
             match app.memory.lookup(&name).await {
                 Lookup::Found(answer) => Ok(answer),
-                Lookup::Missing(making) => self.make_large(app, making, permit, &name).await,
+                Lookup::Missing(making) => self.make_large(app, made_in, making, permit).await,
             }
         };
         let answer = tokio::select! {
@@ -137,27 +136,26 @@ impl Representation {
             answer = app.memory.made(&name) => answer,
             answer = made => answer?,
         };
-        // A short text is not compressed.
-        let is_packed = answer.coding == Coding::Zstd && !is_sent_as_made;
-        let coding = if is_packed { coding } else { answer.coding };
-        Ok(Text { answer, coding, permit: Some(Arc::new(stream)) })
+        Ok(Text { answer, is_decoded, permit: Some(Arc::new(stream)) })
     }
 
     async fn make_large(
         &self,
         app: &App,
+        coding: Coding,
         making: Making,
         mut permit: Permit,
-        name: &str,
     ) -> Result<Encoded> {
         let read = async || match app.store.result(&self.key).await? {
             Some(StoredResult::Whole(body)) => Ok(body),
             _ => Err(missing(app, self.caller.reach(), &self.key).await),
         };
-        let kept = app.memory.get(name);
+        let kept = app.memory.get(making.name());
         let is_kept = kept.is_some();
         let found = match kept {
-            None if self.is_unchanged => self.as_stored(&read().await?, Coding::Zstd)?,
+            None if self.is_unchanged && coding == Coding::Zstd => {
+                self.as_stored(&read().await?, coding)?
+            }
             kept => kept,
         };
         if let Some(answer) = found {
@@ -166,7 +164,7 @@ impl Representation {
             return Ok(app.memory.finish(making, answer, !is_kept));
         }
         let turn = app.shares.large_document(&self.caller.owner).await?;
-        self.make(app, Coding::Zstd, making, read().await?, Some((permit, turn))).await
+        self.make(app, coding, making, read().await?, Some((permit, turn))).await
     }
 
     /// Formats and compresses the answer on a blocking thread. The thread finishes the answer even if the client
@@ -201,7 +199,7 @@ impl Representation {
     }
 
     fn response(&self, text: Text) -> Response {
-        let coding = text.coding;
+        let coding = text.coding();
         let mut response = text.into_response();
         let headers = response.headers_mut();
         // Space for the headers below and for those that `layers.rs` adds.

@@ -11,14 +11,14 @@ use futures_util::stream::{self, Stream, StreamExt as _};
 
 use crate::http::memory::Encoded;
 use crate::http::shares::Permit;
-use crate::http::wire::coding::Coding;
+use crate::http::wire::coding::{Coding, decoded};
 
 /// The text of an answer.
 pub struct Text {
     /// The bytes in memory.
     pub answer: Encoded,
-    /// The coding in which they are sent. If it is not theirs, they are compressed with Zstandard.
-    pub coding: Coding,
+    /// Whether they are decompressed while they are sent, if they are compressed.
+    pub is_decoded: bool,
     /// Permission for the memory that sending takes.
     pub permit: Option<Arc<Permit>>,
 }
@@ -26,7 +26,7 @@ pub struct Text {
 impl Text {
     /// A text that is sent as it is in memory.
     pub fn whole(answer: Encoded) -> Self {
-        Self { coding: answer.coding, permit: answer.permit.clone(), answer }
+        Self { permit: answer.permit.clone(), answer, is_decoded: false }
     }
 
     /// A short text.
@@ -36,16 +36,17 @@ impl Text {
 
     /// The bytes, if they are sent as they are in memory.
     pub fn bytes(&self) -> Option<&Bytes> {
-        (self.coding == self.answer.coding).then_some(&self.answer.body)
+        (!self.is_decoded || self.answer.coding == Coding::Identity).then_some(&self.answer.body)
     }
 
-    /// The number of bytes that are sent, if it is known before they are compressed.
-    pub fn length(&self) -> Option<usize> {
-        match self.coding {
-            coding if coding == self.answer.coding => Some(self.answer.body.len()),
-            Coding::Identity => Some(self.answer.size),
-            Coding::Gzip | Coding::Zstd => None,
-        }
+    /// The coding in which the text is sent.
+    pub fn coding(&self) -> Coding {
+        if self.is_decoded { Coding::Identity } else { self.answer.coding }
+    }
+
+    /// The number of bytes that are sent.
+    pub fn length(&self) -> usize {
+        self.bytes().map_or(self.answer.size, Bytes::len)
     }
 
     /// The bytes that are sent, piece by piece.
@@ -53,14 +54,13 @@ impl Text {
         if let Some(bytes) = self.bytes() {
             return stream::iter([Ok(bytes.clone())]).left_stream();
         }
-        let recoded = self.coding.recoded(self.answer.body);
         // The status is already sent. A client notices that the end is missing.
         let told = |piece: &io::Result<Bytes>| {
             if let Err(error) = piece {
                 tracing::error!(%error, "an answer ended early");
             }
         };
-        stream::iter(recoded.inspect(told)).right_stream()
+        stream::iter(decoded(self.answer.body).inspect(told)).right_stream()
     }
 }
 
@@ -70,7 +70,7 @@ impl IntoResponse for Text {
         if let Some(bytes) = self.bytes() {
             return (permit, bytes.clone()).into_response();
         }
-        let length = self.length().map(|length| [(CONTENT_LENGTH, length.to_string())]);
+        let length = [(CONTENT_LENGTH, self.length().to_string())];
         (permit, length, Body::from_stream(self.pieces())).into_response()
     }
 }

@@ -61,6 +61,13 @@ pub struct Making {
     _turn: OwnedMutexGuard<()>,
 }
 
+impl Making {
+    /// The name of the answer.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+}
+
 /// An answer, or the permission to make it.
 pub enum Lookup {
     /// The answer is in memory.

@@ -13,7 +13,6 @@ use axum::http::{HeaderMap, HeaderValue};
 use axum::response::{IntoResponse as _, Response};
 use bytes::Buf as _;
 use flate2::Compression;
-use flate2::read::GzEncoder as GzReader;
 use flate2::write::GzEncoder;
 use http_body_util::BodyExt as _;
 use tokio::task;
@@ -31,7 +30,7 @@ const MAX_SIZE: u64 = 1 << 20;
 /// Largest body that is compressed on an async thread, in bytes: more would delay other requests.
 const SHORT: usize = 1 << 14;
 
-/// Memory that [`Coding::recoded`] takes, in bytes.
+/// Memory that [`decoded`] takes, in bytes.
 pub const DECODER: usize = 1 << 20;
 
 /// A compression (`Content-Encoding`).
@@ -110,30 +109,6 @@ impl Coding {
         if size <= SHORT { pack() } else { task::spawn_blocking(pack).await? }
     }
 
-    /// Decompresses a Zstandard text, and compresses it with this coding, piece by piece. After an error there is
-    /// nothing.
-    pub fn recoded(self, packed: Bytes) -> impl Iterator<Item = io::Result<Bytes>> + Send {
-        /// Size of a piece, in bytes. To compress it takes less than a millisecond.
-        const PIECE: u64 = 32 << 10;
-        let decoder = zstd::Decoder::with_buffer(packed.reader());
-        let mut reader: io::Result<Box<dyn Read + Send>> = decoder.map(|text| match self {
-            Self::Gzip => Box::new(GzReader::new(text, Compression::new(GZIP_LEVEL))) as _,
-            Self::Identity | Self::Zstd => Box::new(text) as _,
-        });
-        iter::from_fn(move || {
-            let mut piece = Vec::with_capacity(PIECE as usize);
-            let read = match &mut reader {
-                Ok(text) => text.take(PIECE).read_to_end(&mut piece),
-                Err(error) => Err(mem::replace(error, io::ErrorKind::Other.into())),
-            };
-            match read {
-                Ok(0) => None,
-                Ok(_) => Some(Ok(piece.into())),
-                Err(error) => Some(Err(error)),
-            }
-        })
-    }
-
     /// An encoder that compresses what is written to it.
     pub fn encoder(self) -> Encoder {
         Encoder { coding: self, waiting: Vec::new(), written: 0, stream: None }
@@ -145,6 +120,24 @@ impl Coding {
         encoder.write_all(text)?;
         encoder.finish()
     }
+}
+
+/// Decompresses a Zstandard text, piece by piece. After an error there is nothing.
+pub fn decoded(packed: Bytes) -> impl Iterator<Item = io::Result<Bytes>> + Send {
+    /// Size of a piece, in bytes.
+    const PIECE: u64 = 64 << 10;
+    let mut decoder = zstd::Decoder::with_buffer(packed.reader());
+    iter::from_fn(move || {
+        let mut piece = Vec::with_capacity(PIECE as usize);
+        let read = match &mut decoder {
+            Ok(text) => text.take(PIECE).read_to_end(&mut piece),
+            Err(error) => Err(mem::replace(error, io::ErrorKind::Other.into())),
+        };
+        match read {
+            Ok(0) => None,
+            read => Some(read.map(|_| piece.into())),
+        }
+    })
 }
 
 /// Compresses a text while it is written, so that a large text is never fully in memory.

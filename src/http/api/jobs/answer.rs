@@ -247,8 +247,8 @@ pub(super) fn write(
         told.push(b'}');
         return Ok((headers, told).into_response());
     }
-    let length = result.length().map(|length| told.len() + length + 1);
-    let length = length.map(|length| [(header::CONTENT_LENGTH, length.to_string())]);
+    let length = told.len() + result.length() + 1;
+    let length = [(header::CONTENT_LENGTH, length.to_string())];
     let permit = result.permit.clone().map(Extension);
     let pieces = |bytes: Bytes| stream::iter([Ok(bytes)]);
     let body = pieces(told.into()).chain(result.pieces()).chain(pieces(Bytes::from_static(b"}")));
