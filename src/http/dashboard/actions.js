@@ -6,7 +6,6 @@ import { button, copy, dateTime, h, isSure, notify, select } from "./dom.js";
 import { saveAs } from "./figure-save.js";
 import { caller, signedIn } from "./sign-in.js";
 import { kindOf } from "./summary.js";
-import { editLink } from "./vary.js";
 
 /** Name, path and formats of each download. */
 const TABLES = ["csv", "json", "ndjson", "npz", "arrow"];
@@ -36,8 +35,8 @@ export function sharing(addressFor) {
 export const linkEnd = (links) => h("p", { class: "muted", id: "link-end" }, "This link is valid until ",
   dateTime(new Date(1000 * Math.min(...links.map((link) => Number(link.split(".")[0])))).toISOString()), ".");
 
-/** The row of buttons. `link` is the token of a shared link: its holder may only read. `editable` is the address of the form of a fit. */
-export function drawActions(result, { job, link, editable, remember, signal }) {
+/** The row of buttons. `link` is the token of a shared link: its holder may only read. `form` is the address of the form that shows the result, if one can. */
+export function drawActions(result, { job, link, form, remember, signal }) {
   const { key } = result;
   const isStudy = Boolean(kindOf(result));
   const partOf = (path, words) => {
@@ -81,7 +80,6 @@ export function drawActions(result, { job, link, editable, remember, signal }) {
         button(format, () => download(path, format), { "aria-label": `${name} as ${format}` })))),
     h("div", { class: "row" }, button("Copy curl command", curl), button("Copy Python code", python))));
   const report = h("a", { class: "button", href: partOf("/report"), target: "_blank", title: "A page to print" }, "Report");
-  const form = editable ?? editLink({ ...result, ...job, submitted: job.submitted ?? job.typed });
   // The holder of a shared link sees the values in the form without a key.
   const address = form && link ? `${form}&link=${encodeURIComponent(link)}` : form;
   // The computed values are not those that the user knows: E* in place of the bodies.

@@ -12,9 +12,9 @@ import { Cursors, Figure } from "./figure.js";
 import { saveAs } from "./figure-save.js";
 import { playButton } from "./player.js";
 import { PROFILES } from "./result-figures.js";
-import { loadResult } from "./result.js";
 import { smooth } from "./smooth.js";
-import { entryOf, jobsOf, kindOf, labelOf, title } from "./summary.js";
+import { jobsOf, loadResult } from "./stored.js";
+import { entryOf, kindOf, labelOf, title } from "./summary.js";
 import { cycles, WORDS } from "./units.js";
 
 /** The line of each letter: a colour that colour-blind people can distinguish, and a dash that no other has, also in print. */

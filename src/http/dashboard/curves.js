@@ -65,3 +65,7 @@ export function extent(rows, isMeant = () => true) {
   }
   return low <= high ? [low, high] : null;
 }
+
+/** At most `count` rows that are evenly spaced. */
+export const spread = (rows, count) => (rows.length <= count ? rows
+  : Array.from({ length: count }, (_, i) => rows[Math.round((i * (rows.length - 1)) / (count - 1))]));

@@ -3,11 +3,12 @@
 import { Problem } from "./api.js";
 import { fill, h } from "./dom.js";
 import { inputRows } from "./input-rows.js";
-import { loadResult } from "./result.js";
-import { entryOf, jobsOf, kindOf, labelOf, title } from "./summary.js";
+import { jobsOf, loadResult } from "./stored.js";
+import { entryOf, kindOf, labelOf, title } from "./summary.js";
 
-/** Fills a paragraph for a run `{key, scenario}` that was made by editing the run with the key `source`. A fit has no scenario here. */
-export async function drawDerived(place, { key, scenario }, source, signal) {
+/** Fills a paragraph for a run `{key, scenario}` that was made by editing the run with the key `source`, if there is one. A fit has no scenario here. */
+export async function drawSource(place, { key, scenario }, source, signal) {
+  if (!source || source === key) return;
   let before = null;
   try {
     before = await loadResult(source, null, signal);

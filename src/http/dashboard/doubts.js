@@ -1,7 +1,7 @@
 // Questions about sizes that no contact has, and about separators. The form keeps no run before they are answered.
 
 import { fill, h } from "./dom.js";
-import { valueAt } from "./fields.js";
+import { valueAt } from "./pointer.js";
 import { fieldText, pretty, printed } from "./kinds.js";
 import { visit } from "./warnings.js";
 

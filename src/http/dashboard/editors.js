@@ -1,7 +1,8 @@
 // Which editor belongs to which option of the form: measured profiles, blocks, records and tables of coefficients.
 
 import { h, select } from "./dom.js";
-import { isExample, valueAt } from "./fields.js";
+import { isExample } from "./fields.js";
+import { valueAt } from "./pointer.js";
 import { rowsEditor } from "./rows.js";
 import { TraceEditor } from "./trace-editor.js";
 

@@ -1,7 +1,7 @@
 // The faults that the server finds in a scenario, at the fields of the form.
 
 import { h } from "./dom.js";
-import { valueAt } from "./fields.js";
+import { valueAt } from "./pointer.js";
 import { fieldText, pretty } from "./kinds.js";
 import { repairs, tableFault } from "./repair.js";
 import { quantity } from "./units.js";

@@ -1,5 +1,6 @@
 // The fields of the form. Each field edits one value of the scenario, named by its JSON pointer.
 
+import { setValueAt, valueAt } from "./pointer.js";
 import { inputAt, inputWords, isLine, plainWords, WORDS } from "./units.js";
 import { FORMS } from "./words.js";
 
@@ -369,20 +370,4 @@ export function withoutField(scenario) {
   const values = (value, pointer) => known.includes(pointer) ? [] : isWhole(value, pointer) ? [pointer]
     : Object.entries(value).flatMap(([name, own]) => values(own, `${pointer}/${name}`));
   return values(scenario, "");
-}
-
-/** The value at a pointer; undefined if it is missing. */
-export function valueAt(scenario, pointer) {
-  return pointer.split("/").slice(1).reduce((value, name) => value?.[name], scenario);
-}
-
-/** Sets the value at a pointer. Undefined removes it. */
-export function setValueAt(scenario, pointer, value) {
-  const names = pointer.split("/").slice(1);
-  const last = names.pop();
-  let parent = scenario;
-  for (const name of names) parent = parent[name] ??= {};
-  if (value === undefined) delete parent[last];
-  else parent[last] = value;
-  if (value === undefined && names[0] === "until" && !Object.keys(parent).length) delete scenario.until;
 }

@@ -2,7 +2,7 @@
 
 import { idempotencyKey, post, Problem } from "./api.js";
 import { debounced, fill, h, select } from "./dom.js";
-import { valueAt } from "./fields.js";
+import { valueAt } from "./pointer.js";
 import { fieldText, kindAt, printed } from "./kinds.js";
 import { KNOWN, named, symbolAt, wordsOf } from "./fit-names.js";
 import { contentOf } from "./measure-sets.js";

@@ -4,16 +4,16 @@ import { drawActions } from "./actions.js";
 import { may } from "./allowed.js";
 import { get, idempotencyKey, post, resultAddress } from "./api.js";
 import { asJson, fill, h, list, tableOf } from "./dom.js";
-import { valueAt } from "./fields.js";
+import { valueAt } from "./pointer.js";
 import { Figure } from "./figure.js";
 import { dataFigure, energyFigure, groupsOf, profileFigure, residualFigure, rowsOf } from "./fit-figures.js";
-import { named, squaredOf, symbolAt, together, unitAt, wordsOf } from "./fit-names.js";
+import { named, symbolAt, unitAt, wordsOf } from "./fit-names.js";
 import { inputRows } from "./input-rows.js";
 import { setsOfFit } from "./measure-sets.js";
-import { drawSource } from "./result.js";
+import { drawSource } from "./derived.js";
 import { axisUnit, withUnit } from "./scaling.js";
 import { nameOf, sourceTag } from "./summary.js";
-import { cycles, digits, quantity, WORDS } from "./units.js";
+import { cycles, digits, quantity, squaredOf, together, WORDS } from "./units.js";
 
 /** Rows of the table of measured numbers. */
 const ROWS = 200;
@@ -170,11 +170,11 @@ export async function showFit(main, { key }, { job, link, signal }) {
     });
   };
   const estimated = result.estimated_scenario;
-  const editable = may("submit") && job.source && setsOfFit(fit) && `#/result/${job.source}?fit=${key}`;
+  const form = may("submit") && job.source && setsOfFit(fit) && `#/result/${job.source}?fit=${key}`;
   const run = estimated && h("a", { class: "button primary", id: "run-this", href: `#/new?${new URLSearchParams({ scenario: JSON.stringify(estimated), label: `${heading}: estimates` })}` }, "Run this");
   fill(main, h("div", { class: "head" }, h("div", {}, h("h1", {}, heading),
     h("p", { class: "muted" }, `Fit · numerics version ${result.engine.numerics} · `, h("code", {}, key.slice(0, 12)), "…")),
-  h("div", { class: "actions" }, !link && may("submit") && run, drawActions(result, { job, link, editable, remember() {}, signal }))), body);
+  h("div", { class: "actions" }, !link && may("submit") && run, drawActions(result, { job, link, form, remember() {}, signal }))), body);
   draw();
   document.addEventListener("units", draw, { signal });
   drawSource(source, { key }, job.source, signal);

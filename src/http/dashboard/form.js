@@ -14,7 +14,7 @@ import { countOf, drawCount, lastValid, showFaults } from "./faults.js";
 import { withoutField } from "./fields.js";
 import { Fieldset } from "./fieldset.js";
 import { KeptInput, queryOf, undoOfTab } from "./kept-input.js";
-import { loadLimits } from "./limits.js";
+import { useLimits } from "./limits.js";
 import { Live } from "./live.js";
 import { drawPlan, drawRuns, submitText } from "./plan.js";
 import { measureForRun, showWithRun } from "./measure.js";
@@ -64,7 +64,7 @@ const addressOf = ({ scenario, study, label, source, json, asked = {} }, link) =
 
 export async function showForm(main, { query: asked, signal }) {
   // The holder of a shared link gets neither, and has a scenario in the address.
-  if (may("read")) [examples] = await Promise.all([examples.length ? examples : get("/v1/examples", { signal }), loadLimits(signal)]);
+  if (may("read") && !examples.length) [examples] = await Promise.all([get("/v1/examples", { signal }), get("/v1/schema/scenario", { signal }).then(useLimits)]);
   const undo = may("read") ? undoOfTab() : new Undo([]);
   const query = may("read") ? queryOf(asked) : asked;
   // `label` is what the user typed. A study and an unchanged example have labels of their own, which change with the form.

@@ -1,7 +1,7 @@
 // The field of one value of the scenario: it reads what is typed, says how it was read, and asks what is doubtful.
 
 import { h, select } from "./dom.js";
-import { setValueAt, valueAt } from "./fields.js";
+import { setValueAt, valueAt } from "./pointer.js";
 import { kindAt, printed } from "./kinds.js";
 import { drawRange, varyButton } from "./plan.js";
 import { slider } from "./slider.js";

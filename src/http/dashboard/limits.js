@@ -1,7 +1,5 @@
 // The limits of the numbers of a scenario, from its JSON Schema.
 
-import { get } from "./api.js";
-
 /**
  * The size of the SI unit in each unit for which the form checks limits. The form does not check lengths and forces:
  * their limits are far from every useful value.
@@ -10,10 +8,8 @@ const PER_SI = { "": 1, rad: 1, mrad: 1e3, deg: 180 / Math.PI, "°": 180 / Math.
 
 let schema = null;
 
-/** Loads the schema once. */
-export async function loadLimits(signal) {
-  schema ??= await get("/v1/schema/scenario", { signal });
-}
+/** Takes the limits from the schema of scenarios. */
+export const useLimits = (own) => (schema = own);
 
 /** All schemas of a value: the schema itself, what it refers to, and its alternatives. */
 const allOf = (own) => [own, ...(own.$ref ? allOf(schema.$defs[own.$ref.split("/").at(-1)]) : []), ...(own.oneOf ?? []).flatMap(allOf)];

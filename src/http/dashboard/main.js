@@ -1,6 +1,7 @@
 // The frame of the page: routing, units, the signed-in user and the connection banner.
 
 import { arrive } from "./address.js";
+import { computeAgain } from "./again.js";
 import { may } from "./allowed.js";
 import { connection, watchConnection } from "./api.js";
 import { fill, h, isSure, notify, withDates } from "./dom.js";
@@ -83,7 +84,7 @@ async function route() {
     await show(main, { id, query: words, signal });
   } catch (error) {
     if (signal.aborted) return;
-    main.replaceChildren(h("h1", {}, title), errorCard(error), h("button", { type: "button", onclick: route }, "Try again"));
+    main.replaceChildren(h("h1", {}, title), errorCard(error, may("submit") && computeAgain(error)), h("button", { type: "button", onclick: route }, "Try again"));
     if (!error.status) console.error(error);
   } finally {
     if (!signal.aborted) main.removeAttribute("aria-busy");

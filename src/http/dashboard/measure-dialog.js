@@ -6,7 +6,7 @@ import { faultOf, readFile } from "./measured.js";
 import { freeName } from "./measure-sets.js";
 import { TracePicture } from "./measure-trace.js";
 import { previewOf, unitsFor, valuesIn, withStated } from "./measure-units.js";
-import { spread } from "./result-figures.js";
+import { spread } from "./curves.js";
 import { caller } from "./sign-in.js";
 import { readNumber } from "./typed.js";
 import { digits, quantity, WORDS } from "./units.js";

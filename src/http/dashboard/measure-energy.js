@@ -4,8 +4,7 @@ import { fill, h } from "./dom.js";
 import { Figure } from "./figure.js";
 import { throughOrigin } from "./measure-model.js";
 import { symbolOf } from "./explain.js";
-import { squaredOf, together } from "./fit-names.js";
-import { quantity, WORDS } from "./units.js";
+import { quantity, squaredOf, together, WORDS } from "./units.js";
 
 /** A smaller relative error does not change three digits. */
 const INVISIBLE = 5e-4;

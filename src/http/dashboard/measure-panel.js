@@ -63,7 +63,7 @@ export class Panel {
 
   /** Opens the form of a fit, with the choices of an earlier one if there is one. */
   async fit(typed = this.#typed) {
-    const { FitForm } = await import("./fit-form.js");
+    const { FitForm } = await this.context.loadFitForm();
     const form = new FitForm(this.context, this.#sets, () => fill(this.#form), typed);
     fill(this.#form, form.element);
     form.focus();

@@ -1,7 +1,6 @@
 // The measured sets of this tab. Each belongs to the runs that it is shown with.
 
 import { notify } from "./dom.js";
-import { FORM, KEPT } from "./measure.js";
 import { cycles, WORDS } from "./units.js";
 
 /**
@@ -12,6 +11,10 @@ import { cycles, WORDS } from "./units.js";
  *   sigma: (number|null)[]|null, at?: number, energy?: number, rows?: number, runs: string[], ink: number, mark: number}} MeasuredSet
  */
 
+/** Where the sets are kept: they survive a reload, and end with the tab. */
+const KEPT = "fretwork-measured";
+/** What sets that are dropped on the form have in place of the key of a run. */
+export const FORM = "form";
 /** The colours of sets: those of the run, of its limit and of the grey curves are left out. */
 const INKS = [2, 8, 7, 5, 3];
 
@@ -21,6 +24,7 @@ try {
   sets = JSON.parse(sessionStorage.getItem(KEPT) ?? "[]").filter(({ runs }) => runs);
 } catch { /* Another version of the page has kept them. */ }
 
+export const hasSets = () => sets.length > 0;
 const isOf = (key) => ({ runs }) => runs.includes(key);
 export const setsOf = (key) => sets.filter(isOf(key));
 export const setsOfOthers = (key) => sets.filter((set) => !isOf(key)(set));

@@ -1,7 +1,7 @@
 // The picture of a measured trace: its scar has two handles, and a list says what was removed and added.
 
 import { fill, h, list, svg } from "./dom.js";
-import { spread } from "./result-figures.js";
+import { spread } from "./curves.js";
 import { digits, quantity } from "./units.js";
 
 const [WIDTH, HEIGHT, MARGIN] = [640, 160, 14];

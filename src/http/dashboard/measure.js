@@ -3,15 +3,11 @@
 import { may } from "./allowed.js";
 import { h, notify } from "./dom.js";
 import { takeDropped } from "./dropped.js";
-
-/** Where the measured sets are kept: they survive a reload, and end with the tab. */
-export const KEPT = "fretwork-measured";
-/** What sets that are dropped on the form have in place of the key of a run. */
-export const FORM = "form";
+import { addSet, FORM, giveTo, hasSets } from "./measure-sets.js";
 
 /** Asks for a set that is dropped on the form. */
 export async function measureForRun(at, signal, file) {
-  const [{ askForSet }, { addSet }] = await Promise.all([import("./measure-dialog.js"), import("./measure-sets.js")]);
+  const { askForSet } = await import("./measure-dialog.js");
   const set = await askForSet(at, signal, file);
   if (!set) return;
   addSet(set, FORM);
@@ -19,17 +15,17 @@ export async function measureForRun(at, signal, file) {
 }
 
 /** Shows the sets of the form beside a run that is kept. */
-export const showWithRun = async (key) => sessionStorage.getItem(KEPT) && (await import("./measure-sets.js")).giveTo(key);
+export const showWithRun = (key) => hasSets() && giveTo(key);
 
 /**
  * The card of measurements below a run. `figures` are the figures `profile`, `history` and `loop`, `state` is what they show, and
- * `redraw` draws them again. `submitted` is the scenario as the user wrote it, if it is known. `refit` is the key of a fit to edit. To read files and to fit, the user must be allowed to compute. A shared `link` opens no fit.
+ * `redraw` draws them again, and `loadFitForm` loads the form of a fit. `submitted` is the scenario as the user wrote it, if it is known. `refit` is the key of a fit to edit. To read files and to fit, the user must be allowed to compute. A shared `link` opens no fit.
  */
-export function measuring({ result, submitted, link, state, figures, redraw, refit, signal }) {
+export function measuring({ result, submitted, link, state, figures, redraw, loadFitForm, refit, signal }) {
   const place = h("div", { class: "stack" });
   let panel = null;
   const loaded = () => (panel ??= import("./measure-panel.js").then(async ({ Panel }) => {
-    const own = new Panel({ result, submitted, link, state, figures, redraw, signal });
+    const own = new Panel({ result, submitted, link, state, figures, redraw, loadFitForm, signal });
     place.append(own.element);
     await own.update();
     return own;
@@ -46,6 +42,6 @@ export function measuring({ result, submitted, link, state, figures, redraw, ref
   if (!mayRead) return element;
   takeDropped(document, (file) => act((own) => own.ask(file)), { signal });
   if (refit) act((own) => own.refit(refit));
-  else if (sessionStorage.getItem(KEPT)) act(() => {});
+  else if (hasSets()) act(() => {});
   return element;
 }

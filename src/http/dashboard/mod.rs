@@ -41,9 +41,9 @@ macro_rules! files {
 }
 
 const SCRIPTS: &[File] = files!("text/javascript":
-    "actions.js", "address.js", "allowed.js", "api.js", "csv.js", "details.js", "dom.js", "error.js", "estimate.js", "fields.js",
-    "form.js", "limits.js", "main.js", "plan.js", "result.js", "run.js", "runs.js", "sign-in.js",
-    "sketch.js", "summary.js", "units.js", "vary.js",
+    "actions.js", "address.js", "again.js", "allowed.js", "api.js", "csv.js", "details.js", "dom.js", "error.js", "estimate.js", "fields.js",
+    "form.js", "limits.js", "main.js", "plan.js", "pointer.js", "result.js", "run.js", "runs.js", "sign-in.js",
+    "sketch.js", "stored.js", "summary.js", "units.js", "vary.js",
     // The library and the access keys.
     "keys.js", "library-actions.js", "library-columns.js", "library-table.js", "library.js",
     "thumbnails.js",

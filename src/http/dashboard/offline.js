@@ -21,9 +21,9 @@ export async function get(address) {
 // The modules import these names, and a guest has no button that calls them.
 export const [jobAddress, post, idempotencyKey] = [resultAddress, get, () => ""];
 
-// In place of actions.js: a file offers no action of a server.
+// In place of actions.js, derived.js and vary.js: a file offers no action of a server.
 
-export const [drawActions, linkEnd, sharing, createLink] = Array(4).fill(() => null);
+export const [drawActions, drawSource, linkEnd, sharing, createLink, editLink] = Array(6).fill(() => null);
 
 // In place of allowed.js.
 
@@ -37,7 +37,7 @@ export const useSi = (yes) => (isOwn = yes);
 
 // In place of measure.js and measure-dialog.js.
 
-export const [KEPT, FORM, askForSet] = ["fretwork-measured", "form", null];
+export const askForSet = null;
 
 /** The card of the measured numbers of the file, or nothing. */
 export function measuring(context) {

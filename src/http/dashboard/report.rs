@@ -25,7 +25,7 @@ const REPLACED: [&str; 8] = [
     "actions.js",
     "allowed.js",
     "api.js",
-    "derived.js",
+    "vary.js",
     "fit-form.js",
     "measure.js",
     "measure-dialog.js",

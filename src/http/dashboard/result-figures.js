@@ -1,6 +1,6 @@
 // The figures of a run: profiles, history and loop at one output cycle.
 
-import { axisLimit, branches, extent } from "./curves.js";
+import { axisLimit, branches, extent, spread } from "./curves.js";
 import { fill } from "./dom.js";
 import { symbolOf, term } from "./explain.js";
 import { cycles, digits, isLine, quantity, wordOf, WORDS } from "./units.js";
@@ -43,10 +43,6 @@ const JUMPING = new Set(["amplitude", "tangential_force", "energy_per_cycle", "c
 export const isKnown = (values) => values.some((value) => value != null);
 /** Says why quantities are not drawn. */
 const notDrawn = (words) => `Not drawn: ${words.join(", ")}. A line contact needs a reference distance for this.`;
-
-/** At most `count` rows that are evenly spaced. */
-export const spread = (rows, count) => (rows.length <= count ? rows
-  : Array.from({ length: count }, (_, i) => rows[Math.round((i * (rows.length - 1)) / (count - 1))]));
 
 /** The ends of the vertical axis over all output cycles, so that it stays while the slider moves. */
 export function rangeOf({ profiles }, name) {

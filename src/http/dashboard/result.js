@@ -2,7 +2,8 @@
 
 import { drawActions } from "./actions.js";
 import { keepState } from "./address.js";
-import { get, jobAddress, resultAddress } from "./api.js";
+import { get, jobAddress } from "./api.js";
+import { drawSource } from "./derived.js";
 import { drawDetails } from "./details.js";
 import { choice, fill, h, select } from "./dom.js";
 import { Cursors, Figure } from "./figure.js";
@@ -12,12 +13,11 @@ import { playButton } from "./player.js";
 import { drawHistory, drawLoop, drawProfile, HISTORIES, historyTitle, nearest, PROFILES } from "./result-figures.js";
 import { Section } from "./section.js";
 import { smooth } from "./smooth.js";
-import { entryOf, jobsOf, kindOf, labelOf, sourceOf, subtitle, title } from "./summary.js";
+import { jobsOf, loadResult, loadWarnings } from "./stored.js";
+import { entryOf, kindOf, labelOf, sourceOf, subtitle, title } from "./summary.js";
 import { cycles, WORDS } from "./units.js";
-import { isAtNumber, loadWarnings } from "./warnings.js";
-
-/** Loads a run, or a study without its rows. `link` is the token of a shared link. */
-export const loadResult = (key, link, signal) => get(`${resultAddress(key)}?${new URLSearchParams({ rows: 0, ...(link && { link }) })}`, { signal });
+import { editLink } from "./vary.js";
+import { isAtNumber } from "./warnings.js";
 
 /** The label, the source and the submitted scenario of a job, by default of the latest job of the result. With `id`, also its warnings. */
 async function loadJob(key, id, signal) {
@@ -57,11 +57,6 @@ function drawStamp(signal) {
   return line;
 }
 
-/** Says which run a run was edited from. Most have no source, so the script is loaded when it is needed. */
-export async function drawSource(place, run, source, signal) {
-  if (source && source !== run.key) (await import("./derived.js")).drawDerived(place, run, source, signal);
-}
-
 export async function showResult(main, { id: key, query, signal }) {
   const link = query.get("link");
   // Earlier versions compared two results here.
@@ -70,7 +65,9 @@ export async function showResult(main, { id: key, query, signal }) {
     return location.replace(`#/compare?${new URLSearchParams({ keys: [key, query.get("with")], ...links })}`);
   }
   const [result, job] = await Promise.all([loadResult(key, link, signal), link ? { label: query.get("label"), typed: typedIn(query) } : loadJob(key, query.get("job"), signal)]);
-  if (kindOf(result)) return (await import("./study.js")).showStudy(main, result, { job, link, query, signal });
+  const kind = kindOf(result);
+  if (kind === "fit") return (await import("./fit-page.js")).showFit(main, result, { job, link, signal });
+  if (kind) return (await import("./study.js")).showStudy(main, result, { job, link, query, signal });
   const { earlier, bodies } = await loadWarnings(key, link, signal);
   const bodyWarnings = bodyWarningsOf(result, job, bodies);
   result.warnings.push(...earlier);
@@ -153,7 +150,7 @@ export async function showResult(main, { id: key, query, signal }) {
       derived,
       h("p", { class: "muted" }, `${subtitle(entryOf(result))} · numerics version ${result.engine.numerics} · `, h("code", {}, key.slice(0, 12)), "…"),
       drawStamp(signal)),
-    drawActions(result, { job, link, remember, signal })),
+    drawActions(result, { job, link, form: editLink({ ...result, ...job, submitted: job.submitted ?? job.typed }), remember, signal })),
     h("section", { class: "card output", "aria-label": "Output cycle" },
       h("div", { class: "row steps" }, h("label", { for: "output" }, "Output cycle"), play, slider, position),
       headline.first, headline.others, headline.notes),
@@ -169,7 +166,7 @@ export async function showResult(main, { id: key, query, signal }) {
       h("section", { class: "card", "aria-label": "Section" },
         h("div", { class: "row" }, section.choice), result.profiles ? section.element : noProfiles("section")),
       loopCard),
-    measuring({ result, submitted: job.submitted, link, state, figures, redraw: drawOutput, refit: query.get("fit"), signal }),
+    measuring({ result, submitted: job.submitted, link, state, figures, redraw: drawOutput, loadFitForm: () => import("./fit-form.js"), refit: query.get("fit"), signal }),
     details);
   const drawAll = () => {
     drawOutput();

@@ -5,7 +5,7 @@ import { events, get, jobAddress, post } from "./api.js";
 import { button, dateTime, debounced, fill, h, list, notify } from "./dom.js";
 import { errorCard } from "./error.js";
 import { drawEstimate } from "./estimate.js";
-import { drawSource } from "./result.js";
+import { drawSource } from "./derived.js";
 import { SoFar } from "./so-far.js";
 import { entryOf, nameOf, sourceOf, subtitle, title } from "./summary.js";
 import { cycles, duration } from "./units.js";

@@ -1,7 +1,7 @@
 // The curves of a study: an output over one number, with a curve for each value of a second one.
 
 import { quantity } from "./scaling.js";
-import { spread } from "./result-figures.js";
+import { spread } from "./curves.js";
 import { distinct, isGeometric } from "./study-axes.js";
 import { inner } from "./study-words.js";
 

@@ -2,7 +2,7 @@
 
 import { choice, h, select } from "./dom.js";
 import { Figure } from "./figure.js";
-import { valueAt } from "./fields.js";
+import { valueAt } from "./pointer.js";
 import { quantity } from "./scaling.js";
 import { distinct } from "./study-axes.js";
 import { tornado } from "./study-bars.js";

@@ -2,7 +2,7 @@
 
 import { idempotencyKey, post } from "./api.js";
 import { notify } from "./dom.js";
-import { setValueAt } from "./fields.js";
+import { setValueAt } from "./pointer.js";
 import { pointWords } from "./study-words.js";
 
 /** The scenario of a row: that of the study with the numbers of the row. It has profiles, which the study does not keep. */

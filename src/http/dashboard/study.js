@@ -14,13 +14,13 @@ import { isSample, MOST, viewOf } from "./study-view.js";
 import { variedWords } from "./study-words.js";
 import { kindOf, studyTitle } from "./summary.js";
 import { cycles } from "./units.js";
-import { loadWarnings } from "./warnings.js";
+import { loadWarnings } from "./stored.js";
+import { editLink } from "./vary.js";
 import { KINDS } from "./words.js";
 
 /** Shows a study that was loaded without its rows. */
 export async function showStudy(main, result, { job, link, query, signal }) {
   const name = kindOf(result);
-  if (name === "fit") return (await import("./fit-page.js")).showFit(main, result, { job, link, signal });
   const { earlier } = await loadWarnings(result.key, link, signal);
   const words = new URLSearchParams(link ? { link } : {});
   const whole = await get(`${resultAddress(result.key)}?${new URLSearchParams({ rows: String(MOST), ...(link && { link }) })}`, { signal });
@@ -34,7 +34,7 @@ export async function showStudy(main, result, { job, link, query, signal }) {
       job.label && h("p", { id: "result-label" }, job.label),
       h("p", { id: "varied" }, variedWords(view)),
       h("p", { class: "muted", id: "counts" }, `${countsOf(result.counts)} · numerics version ${result.engine.numerics} · `, h("code", {}, result.key.slice(0, 12)), "…")),
-    drawActions(result, { job, link, remember() {}, signal })),
+    drawActions(result, { job, link, form: editLink({ ...result, ...job, submitted: job.submitted ?? job.typed }), remember() {}, signal })),
     verdictsOf(view) || (name === "sweep" && !isSample(view) && greatestOf(view)),
     earlier.map(({ detail }) => h("p", { class: "warning" }, detail)),
     result.notes?.length > 0 && h("section", { class: "card", "aria-label": "Notes" }, h("h2", {}, "Notes"),

@@ -91,9 +91,6 @@ export async function loadNames(jobs, signal, done) {
   }
 }
 
-/** The latest jobs of a result, newest first. A user who may not list jobs gets none. */
-export const jobsOf = (key, signal) => get(`/v1/jobs?${new URLSearchParams({ key, limit: 20 })}`, { signal }).then(({ jobs }) => jobs, () => []);
-
 /** The tag of a job that the form computes by itself, because an evaluation would take too long. */
 export const DRAFT = "draft";
 export const isDraft = ({ tags }) => tags?.includes(DRAFT) ?? false;

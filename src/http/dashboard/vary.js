@@ -4,7 +4,7 @@
 // `{from, to, unit, count, spacing}` for the pointer of each number that varies. In a random sample, it can have another
 // `distribution` than that of its spacing, and the parameters of that. All values are texts, as the user typed them. `profiles` comes from a stored sweep; the form has no fields for it.
 
-import { valueAt } from "./fields.js";
+import { valueAt } from "./pointer.js";
 import { fieldText } from "./kinds.js";
 import { limitsOf } from "./limits.js";
 import { kindOf } from "./summary.js";

@@ -1,6 +1,5 @@
 // The warnings of a run: which number each concerns, and which field of the form changes it.
 
-import { get, resultAddress } from "./api.js";
 import { explained, h } from "./dom.js";
 import { cycles, quantity } from "./units.js";
 
@@ -17,14 +16,6 @@ const KINDS = {
   elastic_mismatch: ["tangential_force"], yield: ["normal_force", "/load/normal_force", "/load/indentation_depth"],
   yield_unknown: ["normal_force", "/bodies/0/yield_strength", "/bodies/1/yield_strength", "/load/normal_force"],
 };
-
-/** The warnings that the result does not contain: what was wrong with the engine that computed it, and those about the bodies of the
- * job that computed it. */
-export async function loadWarnings(key, link, signal) {
-  const warnings = (await get(`${resultAddress(key, "/warnings")}?${new URLSearchParams(link ? { link } : {})}`, { signal })).warnings ?? [];
-  const isEarlier = ({ kind }) => kind === "earlier_version";
-  return { earlier: warnings.filter(isEarlier), bodies: warnings.filter((warning) => !isEarlier(warning)) };
-}
 
 /** Whether a warning stands at a number of the headline. */
 export const isAtNumber = ({ kind }) => kind in KINDS;
