@@ -119,7 +119,7 @@ def every_plot(page, base, key, scales=("x", "", "xy")):
 def every_loop(page, base, key):
     """Each loop is split into branches that are functions of the displacement and together have all of its points."""
     loops = ask(base, f"/v1/results/{key}/loops")["loops"]
-    split = "async ([x, y]) => (await import('/assets/curves.js')).branches(x, y)"
+    split = "async ([x, y]) => (await import('/assets/figure/curves.js')).branches(x, y)"
     for moved, force in zip(loops["displacement"], loops["tangential_force"], strict=True):
         if None in moved:
             # A line contact without a reference has no displacement.

@@ -111,7 +111,7 @@ def check_sandbox(page):
     tried = page.evaluate("""async () => {
         const told = async (act) => { try { await act(); return "done"; } catch (error) { return error.name; } };
         return [origin, await told(() => document.cookie), await told(() => localStorage.length), await told(() => fetch("/v1/me")),
-            await told(() => import("/assets/dom.js"))];
+            await told(() => import("/assets/page/dom.js"))];
     }""")
     assert tried == ["null", "SecurityError", "SecurityError", "TypeError", "TypeError"], tried
 

@@ -92,7 +92,7 @@ def redraw(browser, base):
     page.goto(base + "/#/queue")
     for points in (64, 500):
         took = page.evaluate("""async (points) => {
-            const { Figure } = await import("/assets/figure.js");
+            const { Figure } = await import("/assets/figure/figure.js");
             const figure = new Figure({ name: "test" });
             document.querySelector("main").append(figure.element);
             const x = Array.from({ length: points }, (_, i) => (3e-4 * i) / points), took = [];

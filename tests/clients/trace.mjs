@@ -3,7 +3,7 @@
 //     node trace.mjs
 
 import assert from "node:assert/strict";
-import { profileOf } from "../../src/http/dashboard/trace.js";
+import { profileOf } from "../../src/http/dashboard/form/trace.js";
 
 const [R, REACH, COUNT] = [10e-3, 400e-6, 401];
 const ball = (r) => r ** 2 / (2 * R);

@@ -253,7 +253,7 @@ def live(page, base):
 
 
 HELD = """async () => {
-    const { Figure } = await import("/assets/figure.js");
+    const { Figure } = await import("/assets/figure/figure.js");
     const figure = new Figure({ name: "test" });
     document.querySelector("main").append(figure.element);
     const ends = (height) => {

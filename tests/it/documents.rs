@@ -509,8 +509,8 @@ fn the_recipes_name_what_is_in_the_files() {
         ("src/http/routes.rs", &["pub fn all()"]),
         ("src/http/metrics/mod.rs", &["const MEASURED"]),
         ("src/http/dashboard/docs.rs", &["const PAGES"]),
-        ("src/http/dashboard/sketch.js", &["function gap"]),
-        ("src/http/dashboard/result.js", &["HISTORIES"]),
+        ("src/http/dashboard/run/sketch.js", &["function gap"]),
+        ("src/http/dashboard/figure/run.js", &["HISTORIES"]),
     ] {
         assert!(text.contains(file), "no recipe names {file}");
         for name in names {

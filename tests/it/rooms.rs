@@ -1,9 +1,12 @@
 //! Checks the dependencies between modules in the sources of all crates. A room is a module with everything below it.
 //! The tests fail if a room uses a later room of its crate or a library that is reserved to other rooms, or if files
-//! depend on each other in a cycle. Cargo.toml states the dependencies between crates.
+//! depend on each other in a cycle. Cargo.toml states the dependencies between crates. `scripts` checks the modules of the
+//! dashboard.
+
+mod scripts;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::Write as _;
+use std::fmt::{Display, Write as _};
 use std::fs;
 use std::path::Path;
 
@@ -302,6 +305,9 @@ fn path(tokens: &[TokenTree], start: usize) -> (Names, usize) {
     (out, i)
 }
 
+/// The files that each file uses, each with a path that the using file contains.
+type Uses<File> = BTreeMap<File, BTreeMap<File, String>>;
+
 /// The sources of one crate.
 struct Sources {
     layout: &'static Layout,
@@ -336,7 +342,7 @@ impl Sources {
 
     /// Reads the files of one crate from the disk.
     fn of(layout: &'static Layout) -> Self {
-        let mut texts = read_sources(layout.dir);
+        let mut texts = read_sources(layout.dir, "rs");
         // The program only calls the library.
         texts.retain(|(file, _)| file != "main.rs");
         Self::new(layout, &texts)
@@ -424,9 +430,9 @@ impl Sources {
         out
     }
 
-    /// The files that each file uses, each with a path that the using file contains.
-    fn uses(&self) -> BTreeMap<&str, BTreeMap<&str, String>> {
-        let mut out: BTreeMap<&str, BTreeMap<&str, String>> = BTreeMap::new();
+    /// The uses between the files.
+    fn uses(&self) -> Uses<&str> {
+        let mut out = Uses::<&str>::new();
         for mention in self.mentions.iter().filter(|mention| !mention.test && !mention.doc) {
             let (from, file) = self.file(&mention.at);
             let Some((to, item)) = self.resolve(&mention.at, &mention.path) else { continue };
@@ -438,27 +444,26 @@ impl Sources {
         }
         out
     }
+}
 
-    /// Each use that is part of a cycle: the used file depends, perhaps through others, on the file that uses it.
-    fn circles(&self) -> BTreeSet<String> {
-        let uses = self.uses();
-        let leads_to = |from: &str, to: &str| {
-            let (mut seen, mut next) = (BTreeSet::new(), vec![from]);
-            while let Some(file) = next.pop() {
-                if seen.insert(file) {
-                    next.extend(uses.get(file).into_iter().flat_map(BTreeMap::keys));
-                }
+/// Each use that is part of a cycle: the used file depends, perhaps through others, on the file that uses it.
+fn circles<File: Ord + Display>(uses: &Uses<File>) -> BTreeSet<String> {
+    let leads_to = |from: &File, to: &File| {
+        let (mut seen, mut next) = (BTreeSet::new(), vec![from]);
+        while let Some(file) = next.pop() {
+            if seen.insert(file) {
+                next.extend(uses.get(file).into_iter().flat_map(BTreeMap::keys));
             }
-            seen.contains(to)
-        };
-        let pairs = uses
-            .iter()
-            .flat_map(|(from, targets)| targets.iter().map(move |(to, path)| (from, to, path)));
-        pairs
-            .filter(|(from, to, _)| leads_to(to, from))
-            .map(|(from, to, path)| format!("{from} → {to} ({path})"))
-            .collect()
-    }
+        }
+        seen.contains(to)
+    };
+    let pairs = uses
+        .iter()
+        .flat_map(|(from, targets)| targets.iter().map(move |(to, path)| (from, to, path)));
+    pairs
+        .filter(|(from, to, _)| leads_to(to, from))
+        .map(|(from, to, path)| format!("{from} → {to} ({path})"))
+        .collect()
 }
 
 /// The module of a file, such as `store/read` of `store/read.rs` and `store` of `store/mod.rs`.
@@ -467,21 +472,21 @@ fn module_name(file: &str) -> &str {
     name.strip_suffix("/mod").unwrap_or(name)
 }
 
-/// Every Rust file below a directory of the project, named relative to it, with its text.
-fn read_sources(dir: &str) -> Vec<(String, String)> {
-    fn walk(dir: &Path, prefix: &str, out: &mut Vec<(String, String)>) {
+/// Every file with this extension below a directory of the project, named relative to it, with its text.
+fn read_sources(dir: &str, extension: &str) -> Vec<(String, String)> {
+    fn walk(dir: &Path, prefix: &str, extension: &str, out: &mut Vec<(String, String)>) {
         for entry in fs::read_dir(dir).unwrap() {
             let entry = entry.unwrap();
             let name = format!("{prefix}{}", entry.file_name().into_string().unwrap());
             if entry.file_type().unwrap().is_dir() {
-                walk(&entry.path(), &format!("{name}/"), out);
-            } else if Path::new(&name).extension().is_some_and(|end| end == "rs") {
+                walk(&entry.path(), &format!("{name}/"), extension, out);
+            } else if Path::new(&name).extension().is_some_and(|end| end == extension) {
                 out.push((name, fs::read_to_string(entry.path()).unwrap()));
             }
         }
     }
     let mut out = Vec::new();
-    walk(&Path::new(env!("CARGO_MANIFEST_DIR")).join(dir), "", &mut out);
+    walk(&Path::new(env!("CARGO_MANIFEST_DIR")).join(dir), "", extension, &mut out);
     out
 }
 
@@ -518,7 +523,7 @@ fn every_file_belongs_to_one_room() {
 
 #[test]
 fn statistics_do_not_use_json() {
-    for (file, text) in read_sources("crates/study/src/stats") {
+    for (file, text) in read_sources("crates/study/src/stats", "rs") {
         for word in ["json", "serde", "deserr"] {
             assert!(!text.contains(word), "stats/{file} uses {word}");
         }
@@ -533,7 +538,7 @@ fn no_room_uses_a_later_room() {
 
 #[test]
 fn files_have_no_cyclic_dependencies() {
-    let found = find(Sources::circles);
+    let found = find(|sources| circles(&sources.uses()));
     assert!(found.is_empty(), "{found}");
 }
 
@@ -614,7 +619,7 @@ fn a_dependency_cycle_through_reexports_and_imports_is_found() {
         "store/read.rs → store/write.rs (write::all)",
         "store/write.rs → store/read.rs (super::Line)",
     ];
-    assert_eq!(found.circles(), BTreeSet::from(expected.map(String::from)));
+    assert_eq!(circles(&found.uses()), BTreeSet::from(expected.map(String::from)));
 }
 
 #[test]
@@ -623,7 +628,7 @@ fn a_reexport_that_is_also_used_creates_a_dependency_cycle() {
         ("store/mod.rs", "mod read; pub use read::Page; pub struct Store(Page);"),
         ("store/read.rs", "use super::Store; pub struct Page;"),
     ]);
-    assert_eq!(found.circles().len(), 2, "{:?}", found.circles());
+    assert_eq!(circles(&found.uses()).len(), 2, "{:?}", circles(&found.uses()));
 }
 
 #[test]
@@ -637,5 +642,5 @@ fn tests_documentation_and_reexports_create_no_dependency_cycle() {
         ),
         ("plot.rs", "use crate::job::Key;"),
     ]);
-    assert!(found.circles().is_empty(), "{:?}", found.circles());
+    assert!(circles(&found.uses()).is_empty(), "{:?}", circles(&found.uses()));
 }

@@ -1,23 +1,23 @@
 // The frame of the page: routing, units, the signed-in user and the connection banner.
 
-import { arrive } from "./address.js";
-import { computeAgain } from "./again.js";
-import { may } from "./allowed.js";
-import { connection, watchConnection } from "./api.js";
-import { fill, h, isSure, notify, withDates } from "./dom.js";
-import { keepPage } from "./dropped.js";
-import { errorCard } from "./error.js";
-import { showForm } from "./form.js";
-import { hasInputs } from "./kept-input.js";
-import { caller, hasDeclined, readCaller, session, SIGN_ON, signedIn, signIn, signOut, whySignIn } from "./sign-in.js";
-import { si, useSi } from "./units.js";
+import { arrive } from "./page/address.js";
+import { fill, h, isSure, notify, withDates } from "./page/dom.js";
+import { keepPage } from "./page/dropped.js";
+import { si, useSi } from "./words/units.js";
+import { may } from "./access/allowed.js";
+import { connection, watchConnection } from "./access/api.js";
+import { errorCard } from "./access/error.js";
+import { caller, hasDeclined, readCaller, session, SIGN_ON, signedIn, signIn, signOut, whySignIn } from "./access/sign-in.js";
+import { computeAgain } from "./run/again.js";
+import { showForm } from "./form/form.js";
+import { hasInputs } from "./form/kept-input.js";
 
 /** A view whose files the first page does not need. Nothing is drawn if the user has left the view before they are loaded. */
 const later = (load, name) => async (main, view) => {
   const files = await load();
   if (!view.signal.aborted) await files[name](main, view);
 };
-const showRuns = later(() => import("./runs.js"), "showRuns");
+const showRuns = later(() => import("./run/runs.js"), "showRuns");
 
 /**
  * Title and function of each view. The function fills `main` and may update it until `signal` is aborted.
@@ -26,14 +26,14 @@ const showRuns = later(() => import("./runs.js"), "showRuns");
 const VIEWS = {
   "": ["New run", showForm],
   new: ["New run", showForm],
-  run: ["Run", later(() => import("./run.js"), "showRun")],
-  result: ["Result", later(() => import("./result.js"), "showResult")],
-  compare: ["Comparison", later(() => import("./compare.js"), "showCompare")],
-  library: ["Library", later(() => import("./library.js"), "showLibrary")],
+  run: ["Run", later(() => import("./run/run.js"), "showRun")],
+  result: ["Result", later(() => import("./run/result.js"), "showResult")],
+  compare: ["Comparison", later(() => import("./compare/compare.js"), "showCompare")],
+  library: ["Library", later(() => import("./library/library.js"), "showLibrary")],
   runs: ["Runs", showRuns],
   // The name of this view in addresses of earlier versions.
   queue: ["Runs", showRuns],
-  keys: ["Access keys", later(() => import("./keys.js"), "showKeys")],
+  keys: ["Access keys", later(() => import("./access/keys.js"), "showKeys")],
 };
 
 const main = document.getElementById("main");

@@ -34,42 +34,51 @@ type File = (&'static str, &'static str, &'static str);
 /// The file at `/`.
 const INDEX: File = ("", "text/html; charset=utf-8", include_str!("index.html"));
 
-macro_rules! files {
-    ($kind:literal: $($name:literal),*) => {
-        &[$(($name, $kind, include_str!($name))),*]
+macro_rules! scripts {
+    ($($folder:literal: $($name:literal)*;)*) => {
+        &[$($((
+            concat!($folder, "/", $name, ".js"),
+            "text/javascript",
+            include_str!(concat!($folder, "/", $name, ".js"))
+        )),*),*]
     };
 }
 
-const SCRIPTS: &[File] = files!("text/javascript":
-    "actions.js", "address.js", "again.js", "allowed.js", "api.js", "csv.js", "details.js", "dom.js", "error.js", "estimate.js", "fields.js",
-    "form.js", "limits.js", "main.js", "plan.js", "pointer.js", "result.js", "run.js", "runs.js", "sign-in.js",
-    "sketch.js", "stored.js", "summary.js", "units.js", "vary.js",
-    // The library and the access keys.
-    "keys.js", "library-actions.js", "library-columns.js", "library-table.js", "library.js",
-    "thumbnails.js",
-    // The live form.
-    "doubts.js", "draft.js", "dropped.js", "editors.js", "faults.js", "fieldset.js", "inputs.js", "kept-input.js", "kinds.js", "live.js",
-    "measured.js", "preview.js", "rows.js", "slider.js", "trace.js", "trace-editor.js", "typed.js",
-    "undo.js", "warnings.js",
-    // Figures and the views of results.
-    "curves.js", "explain.js", "figure-axis.js", "figure-draw.js", "figure-labels.js",
-    "figure-reader.js", "figure-save.js", "figure-zoom.js", "figure.js", "headline.js", "input-rows.js", "player.js",
-    "repair.js", "result-figures.js", "scaling.js", "section.js", "smooth.js", "so-far.js",
-    "system.js",
-    // The comparison of runs, which is loaded when it is needed.
-    "compare-figures.js", "compare-rows.js", "compare-table.js", "compare.js",
-    "derived.js",
-    // The views of studies, which are loaded when they are needed.
-    "study-axes.js", "study-bars.js", "study-chart.js", "study-contours.js", "study-curves.js",
-    "study-figure.js", "study-heat.js", "study-measured.js", "study-open.js", "study-scatter.js",
-    "study-so-far.js", "study-statistics.js", "study-table.js", "study-verdict.js", "study-view.js",
-    "study-words.js", "study.js",
-    // Measurements and fits, which are loaded when they are needed.
-    "fit-figures.js", "fit-form.js", "fit-names.js", "fit-page.js", "measure-dialog.js",
-    "measure-energy.js", "measure-model.js", "measure-overlay.js", "measure-panel.js", "measure-sets.js", "measure-trace.js",
-    "measure-units.js", "measure-words.js", "measure.js");
-const STYLES: &[File] = files!("text/css": "style.css");
-const IMAGES: &[File] = files!("image/svg+xml": "icon.svg");
+/// The modules of each folder. A folder uses only folders above it, and modules do not depend on each other in a circle.
+const SCRIPTS: &[File] = scripts!(
+    // Elements, dropped files and addresses, for all views.
+    "page": "address" "csv" "dom" "dropped";
+    // Numbers, units and names, as people read and type them.
+    "words": "explain" "input-rows" "kinds" "limits" "pointer" "scaling" "system" "typed" "units";
+    // Requests to the server, the user, errors and access keys.
+    "access": "allowed" "api" "error" "keys" "sign-in";
+    // Curves with axes, zoom and readings, and the figures of a run.
+    "figure": "axis" "curves" "draw" "figure" "labels" "player" "reader" "run" "save" "zoom";
+    // Stored results: their names and buttons, and the table of all.
+    "library": "actions" "columns" "derived" "library" "selected" "stored" "summary" "table"
+        "thumbnails";
+    // Studies: their ranges, figures and tables.
+    "study": "axes" "bars" "chart" "contours" "curves" "figure" "heat" "measured" "open" "scatter"
+        "so-far" "statistics" "study" "table" "vary" "verdict" "view" "words";
+    // Measured sets beside a run.
+    "measure": "dialog" "energy" "file" "kept" "measure" "model" "overlay" "panel" "sets" "trace" "units"
+        "words";
+    // The form and the page of a fit.
+    "fit": "figures" "form" "names" "page";
+    // A job while it runs, and its result.
+    "run": "again" "details" "estimate" "headline" "result" "run" "runs" "section" "sketch"
+        "smooth" "so-far" "warnings";
+    // The comparison of runs.
+    "compare": "compare" "figures" "rows" "table";
+    // The form of a new run or study.
+    "form": "doubts" "draft" "editors" "faults" "fields" "fieldset" "form" "inputs" "kept-input"
+        "live" "plan" "preview" "repair" "rows" "slider" "trace" "trace-editor" "undo";
+    // The page in the file of a report.
+    "report": "offline" "report";
+);
+const MAIN: File = ("main.js", "text/javascript", include_str!("main.js"));
+const STYLE: File = ("style.css", "text/css", include_str!("style.css"));
+const ICON: File = ("icon.svg", "image/svg+xml", include_str!("icon.svg"));
 
 /// Content security policy. The browser runs scripts of this server only, so a label or a note cannot
 /// inject one.
@@ -78,16 +87,22 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; i
 
 static ASSETS: Assets = Assets {
     all: LazyLock::new(|| {
-        let files = [&[INDEX][..], SCRIPTS, STYLES, IMAGES].concat();
-        let files =
-            files.into_iter().map(|(name, kind, text)| Asset::new(name, kind, text.as_bytes()));
-        files.chain([Asset::new("words.js", "text/javascript", words().as_bytes())]).collect()
+        let files = [INDEX, MAIN, STYLE, ICON].into_iter().chain(scripts());
+        files.map(|(name, kind, text)| Asset::new(name, kind, text.as_bytes())).collect()
     }),
     policy: POLICY,
     none: "The dashboard has no file of this name. Open / instead.",
 };
 
-/// The script with words that other crates define: the kinds of studies, the names, symbols and meanings of quantities
+static WORDS_SCRIPT: LazyLock<String> = LazyLock::new(words);
+
+/// The modules of all folders.
+fn scripts() -> impl Iterator<Item = File> {
+    let words = ("words/words.js", "text/javascript", WORDS_SCRIPT.as_str());
+    SCRIPTS.iter().copied().chain([words])
+}
+
+/// The module with words that other crates define: the kinds of studies, the names, symbols and meanings of quantities
 /// and inputs, their units for people, and what users search by.
 fn words() -> String {
     let kinds: Value = Kind::ALL.into_iter().map(|kind| (kind.name, json!(kind))).collect();

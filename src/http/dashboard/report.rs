@@ -4,32 +4,31 @@
 //! file they have bare names, and an import map gives each name the text of its module. The file has only the modules that
 //! `report.js` reaches. `offline.js` replaces those that need a server.
 
-use std::collections::BTreeMap;
+use std::collections::btree_map::{BTreeMap, Entry};
 use std::fmt::Write as _;
 use std::sync::LazyLock;
 
 use data_encoding::BASE64;
 use sha2::{Digest as _, Sha256};
 
-use super::{SCRIPTS, words};
+use super::scripts;
 use fretwork_format::report::Content;
 
-const REPORT: &str = include_str!("report.js");
-const OFFLINE: &str = include_str!("offline.js");
 const STYLE: &str = include_str!("style.css");
 const ICON: &str = include_str!("icon.svg");
 /// The script that begins.
-const ENTRY: &str = "import \"report.js\";";
+const ENTRY: &str = "import \"report/report.js\";";
 /// What `offline.js` replaces.
-const REPLACED: [&str; 8] = [
-    "actions.js",
-    "allowed.js",
-    "api.js",
-    "vary.js",
-    "fit-form.js",
-    "measure.js",
-    "measure-dialog.js",
-    "system.js",
+const REPLACED: [&str; 9] = [
+    "access/allowed.js",
+    "access/api.js",
+    "fit/form.js",
+    "library/actions.js",
+    "library/derived.js",
+    "measure/dialog.js",
+    "measure/measure.js",
+    "study/vary.js",
+    "words/system.js",
 ];
 
 /// What all files have in common.
@@ -82,40 +81,35 @@ pub fn page(Content { title, body, data }: &Content) -> String {
 
 /// The import map of the modules that `report.js` reaches.
 fn modules() -> String {
-    let words = words();
     #[expect(clippy::expect_used, reason = "a test makes the map")]
-    let page_module = |name: &str| {
-        let own = SCRIPTS.iter().find(|(own, ..)| *own == name);
-        own.map(|(_, _, text)| *text).expect("the page has each module that it imports")
-    };
-    let text = |name: &str| -> &str {
-        match name {
-            "report.js" => REPORT,
-            "offline.js" => OFFLINE,
-            "words.js" => &words,
-            _ if REPLACED.contains(&name) => "export * from \"./offline.js\";",
-            _ => page_module(name),
+    let text = |name: &str| {
+        if REPLACED.contains(&name) {
+            return "export * from \"../report/offline.js\";";
         }
+        let own = scripts().find(|(own, ..)| *own == name);
+        own.expect("the page has each module that it imports").2
     };
     let mut found = BTreeMap::new();
-    let mut wanted = vec!["report.js"];
+    let mut wanted = vec!["report/report.js".to_owned()];
     while let Some(name) = wanted.pop() {
-        if !found.contains_key(name) {
-            let pieces = text(name).split('"').map(|piece| imported(piece).unwrap_or(piece));
-            let pieces: Vec<&str> = pieces.collect();
-            found.insert(name, encoded("text/javascript", &pieces.join("\"")));
-            wanted.extend(text(name).split('"').filter_map(imported));
+        let Entry::Vacant(place) = found.entry(name) else { continue };
+        let mut pieces = Vec::new();
+        for piece in text(place.key()).split('"') {
+            let module = imported(place.key(), piece);
+            wanted.extend(module.clone());
+            pieces.push(module.unwrap_or_else(|| piece.to_owned()));
         }
+        place.insert(encoded("text/javascript", &pieces.join("\"")));
     }
     let entries = found.iter().map(|(name, address)| format!("\"{name}\":\"{address}\""));
     format!("{{\"imports\":{{{}}}}}", entries.collect::<Vec<_>>().join(",\n"))
 }
 
-/// The bare name of a module, if a text between quotes is a relative address of one.
-fn imported(piece: &str) -> Option<&str> {
-    let (folders, name) = piece.rsplit_once('/')?;
-    let is_relative = folders.starts_with('.') && name.strip_suffix(".js").is_some();
-    is_relative.then_some(name)
+/// The bare name of a module, if a text between quotes is an address relative to the module `from`.
+fn imported(from: &str, piece: &str) -> Option<String> {
+    let (folder, _) = from.split_once('/')?;
+    let near = piece.strip_prefix("./").map(|name| format!("{folder}/{name}"));
+    near.or_else(|| piece.strip_prefix("../").map(str::to_owned))
 }
 
 /// The `data:` address of a text. It has no sign that means something to HTML, JSON or the end of an address.

@@ -1,0 +1,121 @@
+// The axes of a figure: their ends, their units, their ticks, and the map from values to pixels.
+
+import { axisUnit, powerOfTen, spaced } from "../words/scaling.js";
+import { extent } from "./curves.js";
+
+/** A logarithmic axis over fewer decades has ticks at equal steps. */
+const MIN_DECADES = 0.6;
+/** Decades whose ticks are written without a power of ten. */
+const [SMALLEST_PLAIN, LARGEST_PLAIN] = [-3, 4];
+/** An axis with this many labels has room for long numbers. */
+const ROOMY = 6;
+
+/** The step between ticks: 1, 2 or 5 times a power of ten, at most `count` times in `length`. */
+function stepOf(length, count) {
+  const rough = length / Math.max(1, count);
+  const decade = 10 ** Math.floor(Math.log10(rough));
+  return [1, 2, 5, 10].map((nice) => nice * decade).find((step) => step >= rough * (1 - 1e-9));
+}
+
+/** The ends of a vertical axis for values between `low` and `high`: round numbers, so that small changes do not move it. */
+function roundEnds([low, high], log, count) {
+  if (log) {
+    const margin = low === high ? 2 : (high / low) ** 0.04;
+    return [low / margin, high * margin];
+  }
+  const size = Math.max(Math.abs(low), Math.abs(high));
+  // Differences due to rounding must not fill the axis.
+  if (high - low < 1e-6 * size) [low, high] = [low - 0.1 * size, high + 0.1 * size];
+  if (size === 0) return [0, 1];
+  const margin = 0.03 * (high - low);
+  const step = stepOf(high - low, count) / 2;
+  const end = (value, room, round) => (value === 0 ? 0 : round((value + room) / step) * step);
+  return [end(low, low > 0 && low < 3 * margin ? -low : -margin, Math.floor), end(high, margin, Math.ceil)];
+}
+
+/**
+ * An axis with its ends in SI units, drawn from the pixel `from` to the pixel `to`, and with about `count` ticks.
+ * `at` gives the pixel of a value and `value` the value at a pixel.
+ */
+export function placeAxis({ unit, log, title, symbol }, [low, high], [from, to], count) {
+  // A logarithmic axis has the unit of its middle: 1 N to 1000 N stay N.
+  const { unit: shown, factor } = axisUnit(unit, log ? Math.sqrt(low) * Math.sqrt(high) : Math.max(Math.abs(low), Math.abs(high)));
+  const place = log ? Math.log10 : (value) => value;
+  const [start, length] = [place(low), place(high) - place(low)];
+  const slope = (to - from) / length;
+  return {
+    ends: [low, high], log, factor, unit: shown, title, symbol,
+    at: (value) => from + (place(value) - start) * slope,
+    value: (pixel) => {
+      const own = start + (pixel - from) / slope;
+      return log ? 10 ** own : own;
+    },
+    ticks: ticksOf(low * factor, high * factor, log, count).map((tick) => ({ ...tick, value: tick.value / factor })),
+  };
+}
+
+/** Ticks between two ends: `value`, and `text` if the tick has a label. */
+function ticksOf(low, high, log, count) {
+  const decades = log ? Math.log10(high / low) : 0;
+  return log && decades >= MIN_DECADES ? decadeTicks(low, high, decades, count) : evenTicks(low, high, count);
+}
+
+function evenTicks(low, high, count) {
+  let step = stepOf(high - low, count);
+  const slack = 1e-9 * (high - low);
+  const range = () => [Math.ceil((low - slack) / step), Math.floor((high + slack) / step)];
+  // With a single tick the reader does not know the step.
+  while (range()[0] >= range()[1]) step /= 2;
+  // A halved step such as 2.5 has more digits than one.
+  const digits = Number(step.toPrecision(3)).toExponential().replace(/\.|e.*/g, "").length;
+  const decimals = Math.max(0, digits - 1 - Math.floor(Math.log10(step) + 1e-9));
+  const [first, last] = range();
+  return Array.from({ length: last - first + 1 }, (_, i) => {
+    const value = (first + i) * step;
+    return { value, text: spaced(Math.abs(value) < slack ? "0" : value.toFixed(decimals)).replace("-", "−") };
+  });
+}
+
+function decadeTicks(low, high, decades, count) {
+  const [first, last] = [Math.floor(Math.log10(low) - 1e-9), Math.floor(Math.log10(high) + 1e-9)];
+  const isPlain = first >= SMALLEST_PLAIN && last <= LARGEST_PLAIN + (count >= ROOMY ? 1 : 0);
+  const every = Math.max(1, Math.ceil(decades / count));
+  const isRoomy = count >= (last < LARGEST_PLAIN ? 4 : ROOMY);
+  const named = decades < 1.2 && isRoomy ? [1, 2, 3, 5, 7] : decades < 2.2 && isRoomy ? [1, 2, 5] : [1];
+  const text = (exponent, digit) => {
+    if (isPlain) return spaced((digit * 10 ** exponent).toFixed(Math.max(0, -exponent)));
+    return digit === 1 ? powerOfTen(exponent) : `${digit}×${powerOfTen(exponent)}`;
+  };
+  const ticks = [];
+  for (let exponent = first; exponent <= last; exponent++) {
+    for (let digit = 1; digit <= (decades > 8 ? 1 : 9); digit++) {
+      const value = digit * 10 ** exponent;
+      if (value < low * (1 - 1e-9) || value > high * (1 + 1e-9)) continue;
+      const isNamed = named.includes(digit) && exponent % every === 0;
+      ticks.push({ value, text: isNamed ? text(exponent, digit) : null });
+    }
+  }
+  return ticks;
+}
+
+/** The ends of the x axis: those of the data, or those that the view gives. */
+export function endsOfX(curves, { log, range }) {
+  const found = range ?? extent(curves.map(({ x }) => x), (value) => !log || value > 0) ?? (log ? [1, 10] : [0, 1]);
+  const [low, high] = found;
+  if (low < high) return found;
+  return log ? [low / 2, high * 2] : [low - (Math.abs(low) || 1) / 2, high + (Math.abs(high) || 1) / 2];
+}
+
+/** The ends of the y axis for the part of the curves between two values of x. */
+export function endsOfY(curves, { log, range, top = Infinity }, [from, to], isZoomed, count) {
+  if (range && !isZoomed) return roundEnds(range, log, count);
+  const rows = curves.map(({ x, y }) => {
+    if (!isZoomed) return y;
+    // The neighbours of the visible points count, too: the curve comes from them.
+    const [first, last] = [x.findIndex((value) => value >= from), x.findLastIndex((value) => value <= to)];
+    return first < 0 ? [] : y.slice(Math.max(0, first - 1), last + 2);
+  });
+  const found = extent(rows, (value) => !log || value > 0);
+  if (!found) return log ? [1, 10] : [0, 1];
+  return roundEnds([Math.min(found[0], top), Math.min(found[1], top)], log, count);
+}

@@ -1,0 +1,158 @@
+// The figures of a run: profiles, history and loop at one output cycle.
+
+import { fill } from "../page/dom.js";
+import { symbolOf, term } from "../words/explain.js";
+import { cycles, digits, isLine, quantity, wordOf, WORDS } from "../words/units.js";
+import { axisLimit, branches, extent, spread } from "./curves.js";
+
+export const PROFILES = ["worn", "wear", "pressure", "slip", "image"];
+/** Title and columns of each history figure. */
+export const HISTORIES = {
+  volume: ["Wear volume", ["wear_volume"]],
+  depth: ["Wear depth", ["wear_depth"]],
+  radii: ["Radii", ["contact_radius", "stick_radius", "scar_radius"]],
+  forces: ["Forces", ["normal_force", "tangential_force"]],
+  depths: ["Depth and amplitude", ["indentation_depth", "amplitude"]],
+  energy: ["Energy per cycle", ["energy_per_cycle"]],
+  dissipated: ["Dissipated energy", ["dissipated_energy"]],
+};
+/** Maximum number of loop branches in the figure: a displacement record may have thousands. */
+export const MAX_BRANCHES = 24;
+/** Maximum number of curves at other output cycles, and of edges of blocks. */
+const [MAX_OTHERS, MAX_EDGES] = [8, 40];
+/** The dashes of the columns of a history: the scar often ends where the contact does, and must not hide it. */
+const DASHES = [undefined, undefined, "dashed"];
+/** Numbers of a loop. */
+const RATIOS = ["energy_ratio", "slip_ratio", "free_ratio", "actuator_energy_ratio", "actuator_slip_ratio"];
+/** A history with fewer output cycles has marked points. */
+export const MARKED = 60;
+
+export const historyTitle = (name, { scenario }) => (name === "radii" && isLine(scenario.profile) ? "Half-widths" : HISTORIES[name][0]);
+
+/** The row of `cycles` nearest to `at`; the last row if `at` is missing. */
+export function nearest(cycles, at) {
+  if (at == null || at === "") return cycles.length - 1;
+  const distances = cycles.map((own) => Math.abs(own - Number(at)));
+  return distances.indexOf(Math.min(...distances));
+}
+
+/** Columns that jump when a block begins. A line would suggest values between two blocks. */
+const JUMPING = new Set(["amplitude", "tangential_force", "energy_per_cycle", "contact_radius", "stick_radius"]);
+
+/** Whether a column has values. Displacements of a line contact have none without a reference. */
+export const isKnown = (values) => values.some((value) => value != null);
+/** Says why quantities are not drawn. */
+const notDrawn = (words) => `Not drawn: ${words.join(", ")}. A line contact needs a reference distance for this.`;
+
+/** The ends of the vertical axis over all output cycles, so that it stays while the slider moves. */
+export function rangeOf({ profiles }, name) {
+  const rows = name === "worn" ? [profiles.initial, ...profiles.worn, profiles.limiting ?? []] : profiles[name];
+  const range = extent(rows);
+  if (name === "pressure" && range) range[1] = Math.max(...profiles.pressure.map(axisLimit));
+  return range;
+}
+
+/** The curves of one run: other output cycles, the unworn state, the output cycle, and on top of it the limit. */
+function profileCurves({ profiles }, name, row, label) {
+  const { radius: x, initial, limiting, cycles: outputs, [name]: rows } = profiles;
+  const isWorn = name === "worn";
+  const others = spread(outputs.map((_, i) => i).filter((i) => i !== row && outputs[i] > 0), MAX_OTHERS);
+  const curves = others.map((i) => ({ name: "", column: `N = ${cycles(outputs[i])}`, x, y: rows[i], ink: 6, faint: true }));
+  if (outputs[row] > 0) curves.push({ name: "Unworn", x, y: isWorn ? initial : rows[0], ink: 4, dash: "dashed", label: "apart" });
+  curves.push({ name: outputs[row] > 0 ? label : "Unworn", x, y: rows[row], ink: 1, label: "apart" });
+  if (limiting && (isWorn || name === "wear")) {
+    curves.push({ name: "Limit", x, y: isWorn ? limiting : limiting.map((height, i) => height - initial[i]), ink: 3, dash: "dotted", label: "apart" });
+  }
+  return curves;
+}
+
+/** The title of the vertical axis of a profile. */
+export const heightTitle = (name) => (name === "worn" ? "Height" : WORDS[name]);
+
+export const after = (name, at) => (at > 0 ? `${WORDS[name]} after ${cycles(at)} cycles`
+  : name === "worn" ? "Unworn profile" : `${WORDS[name]} of the unworn contact`);
+
+export function drawProfile(figure, outside, result, { plot: name, row }) {
+  if (!result.profiles) return;
+  const { profiles, units, scenario } = result;
+  const at = profiles.cycles[row];
+  const letter = isLine(scenario.profile) ? "x" : "r";
+  const curves = profileCurves(result, name, row, `N = ${cycles(at)}`);
+  const current = curves.find(({ ink }) => ink === 1);
+  const range = rangeOf(result, name);
+  const peak = Math.max(...current.y);
+  outside.textContent = range && peak > range[1] * 1.0001
+    ? `Peak outside the axis range: ${quantity(peak, units[name])} at ${letter} = ${quantity(profiles.radius[current.y.indexOf(peak)], units.radius)}, at an edge of the worn profile.` : "";
+  figure.title = after(name, at);
+  const across = wordOf("radius", scenario);
+  figure.show(curves, { x: { title: across, symbol: symbolOf("radius", scenario), unit: units.radius },
+    y: { title: heightTitle(name), symbol: symbolOf(name), unit: units[name], range }, description: `${after(name, at)}, over ${across}` });
+}
+
+/** The marks of a history: its events, and the edges of amplitude blocks. */
+function marksOf({ events, scenario: { motion } }) {
+  const names = events.map(({ kind, cycles: x }) => ({ x, name: WORDS[kind] }));
+  const blocks = motion.blocks?.length <= MAX_EDGES ? motion.blocks : [];
+  let x = 0;
+  return [...blocks.slice(0, -1).map(({ cycles: length }) => ({ x: (x += length), name: "" })), ...names];
+}
+
+/** The curve of a column of the history. */
+export function historyCurve({ history: { smooth, ...from }, scenario }, name, more) {
+  const isJumping = Boolean(scenario.motion.blocks) && JUMPING.has(name);
+  return { x: from.cycles, y: from[name], points: from.cycles.length < MARKED || isJumping, line: !isJumping,
+    ...(smooth && !isJumping && { smooth: { x: smooth.cycles, y: smooth[name] } }), ...more };
+}
+
+export function drawHistory(figure, missing, result, { history, log, at }) {
+  const [, columns] = HISTORIES[history];
+  const heading = historyTitle(history, result);
+  const { units, scenario } = result;
+  // The title of the axis says what a single column is. Then a curve only needs the name of its method.
+  const isSingle = columns.length === 1;
+  const isAlone = isSingle && !result.comparison;
+  const method = isSingle && result.comparison ? WORDS[scenario.model.method] : "";
+  const curves = columns.map((name, i) => historyCurve(result, name,
+    { name: method || wordOf(name, scenario), ink: i + 1, label: isAlone ? "none" : "end", dash: DASHES[i] }));
+  if (result.comparison) curves.push(historyCurve({ ...result, ...result.comparison }, columns[0],
+    { name: ["Simplified rule", !isSingle && wordOf(columns[0], scenario)].filter(Boolean).join(": "), ink: 4, dash: "dashed" }));
+  const [drawn, others] = [true, false].map((wanted) => curves.filter(({ y }) => isKnown(y) === wanted));
+  missing.textContent = others.length ? notDrawn(others.map(({ name }) => name)) : "";
+  figure.element.hidden = !drawn.length;
+  figure.title = heading;
+  figure.show(drawn, { x: { title: WORDS.cycles, symbol: symbolOf("cycles"), unit: "1", log: log.includes("x") },
+    y: { title: heading, symbol: columns.length > 1 ? "" : symbolOf(columns[0]), unit: units[columns[0]], log: log.includes("y") }, marks: marksOf(result), at });
+}
+
+/** The curves of a loop: unloading is dashed, and arrows show the direction. */
+function loopCurves({ loops }, row) {
+  const all = branches(loops.displacement[row], loops.tangential_force[row]);
+  const curves = all.slice(0, MAX_BRANCHES).map(({ x, y, direction }, i) => {
+    const name = direction > 0 ? "Loading" : "Unloading";
+    return { x, y, ink: 1, direction, name: i > 1 ? "" : name, column: i > 1 ? `${name} ${i + 1}` : name, dash: direction > 0 ? undefined : "dashed",
+      label: "middle", below: direction < 0 };
+  });
+  return { curves, truncated: all.length > MAX_BRANCHES ? ` (first ${MAX_BRANCHES} of ${all.length} branches)` : "" };
+}
+
+export function drawLoop(figure, ratios, result, at) {
+  const { loops, units } = result;
+  if (!loops?.cycles.length) return;
+  const row = nearest(loops.cycles, at);
+  const isDrawn = isKnown(loops.displacement[row]);
+  const { curves, truncated } = isDrawn ? loopCurves(result, row) : { curves: [], truncated: "" };
+  const known = RATIOS.filter((name) => loops[name]?.[row] != null)
+    .flatMap((name, i) => [i > 0 && ", ", term(name, result.scenario), `\u00a0=\u00a0${digits(loops[name][row], 3)}`]);
+  fill(ratios, !isDrawn && [notDrawn(["Fretting loop"]), " "], known);
+  figure.element.hidden = !isDrawn;
+  // The slider above a small figure says the cycle.
+  const when = at > 0 ? `after ${cycles(at)} cycles` : "of the unworn contact";
+  figure.title = `Fretting loop${figure.height ? "" : ` ${when}`}${truncated}`;
+  figure.show(curves, loopAxes([result], units, when));
+}
+
+/** The axes of the loops of some runs at all output cycles. */
+export const loopAxes = (runs, units, when) => ({
+  x: { title: [...new Set(runs.map(({ scenario }) => wordOf("displacement", scenario)))].join(" or "), symbol: symbolOf("displacement"), unit: units.displacement, range: extent(runs.flatMap(({ loops }) => loops.displacement)) },
+  y: { title: "Tangential force", symbol: symbolOf("tangential_force"), unit: "N", range: extent(runs.flatMap(({ loops }) => loops.tangential_force)) },
+  description: `Tangential force over displacement ${when}` });

@@ -1,0 +1,62 @@
+// The fields of a scenario, in groups: drop-down lists, numbers, and the numbers of a study that have no field.
+
+import { explained, fill, h, select } from "../page/dom.js";
+import { WORDS } from "../words/units.js";
+import { varied } from "../study/vary.js";
+import { choicesOf, chooseOption, labelled, optionsOf } from "./fields.js";
+import { hint, idOf, Inputs } from "./inputs.js";
+import { drawRange } from "./plan.js";
+
+const group = (name, ...content) => h("fieldset", {}, h("legend", {}, name), content);
+
+/** Draws the fields of `form`, which has a scenario and a study. `editors.of(choice, selected)` are the editors of an option. */
+export class Fieldset {
+  #inputs;
+
+  constructor(form, calls, editors) {
+    Object.assign(this, { form, calls, editors, element: h("div", { class: "fields" }) });
+    this.#inputs = new Inputs(form, calls);
+  }
+
+  /** The names of the fields whose numbers can vary, by their pointers. */
+  get names() {
+    return this.#inputs.names;
+  }
+
+  draw() {
+    const { scenario, study } = this.form;
+    this.names.clear();
+    this.calls.doubts.open.clear();
+    const groups = Map.groupBy(choicesOf(scenario), (choice) => choice.group);
+    fill(this.element, [...groups].map(([name, choices]) => group(name, choices.map((choice) => this.#drawChoice(choice)))));
+    const others = varied(study).filter((pointer) => !this.names.has(pointer));
+    this.element.append(explained("scenario", "What these numbers mean"));
+    if (others.length) this.element.append(group("Varied values without a field", others.map((pointer) => this.#drawOther(pointer))));
+  }
+
+  /** The range of a number that has no field, such as the amplitude of a block. */
+  #drawOther(pointer) {
+    const id = idOf(pointer);
+    const { study } = this.form;
+    const remove = h("button", { type: "button", class: "vary", "aria-label": `Remove ${pointer} from the study`, onclick: () => {
+      delete study.ranges[pointer];
+      this.calls.redraw();
+    } }, "Remove");
+    return h("div", { class: "field varied" }, h("label", { for: `${id}-from` }, h("code", {}, pointer)), remove,
+      drawRange(id, pointer, pointer, this.form, this.calls));
+  }
+
+  #drawChoice(choice) {
+    const { scenario } = this.form;
+    const selected = choice.selected(scenario);
+    const [options, reason] = optionsOf(choice, scenario);
+    const known = selected in options;
+    const field = select(options, selected, { id: choice.id, "aria-describedby": reason ? `${choice.id}-hint` : null, onchange: () => {
+      chooseOption(choice, this.form, field.value);
+      this.calls.chosen();
+    } });
+    if (!known) field.prepend(h("option", { selected: true }, `${WORDS[selected] ?? selected ?? "None"} (JSON)`));
+    return [h("div", { class: "field" }, h("label", { for: choice.id }, choice.label), field, reason && hint(choice.id, reason)),
+      known && choice.fields(selected, scenario).map((field) => this.#inputs.draw(labelled(field, scenario))), this.editors.of(choice, selected)];
+  }
+}

@@ -1,0 +1,17 @@
+// Loads stored results, their jobs and their warnings.
+
+import { get, resultAddress } from "../access/api.js";
+
+/** Loads a run, or a study without its rows. `link` is the token of a shared link. */
+export const loadResult = (key, link, signal) => get(`${resultAddress(key)}?${new URLSearchParams({ rows: 0, ...(link && { link }) })}`, { signal });
+
+/** The latest jobs of a result, newest first. A user who may not list jobs gets none. */
+export const jobsOf = (key, signal) => get(`/v1/jobs?${new URLSearchParams({ key, limit: 20 })}`, { signal }).then(({ jobs }) => jobs, () => []);
+
+/** The warnings that the result does not contain: what was wrong with the engine that computed it, and those about the bodies of the
+ * job that computed it. */
+export async function loadWarnings(key, link, signal) {
+  const warnings = (await get(`${resultAddress(key, "/warnings")}?${new URLSearchParams(link ? { link } : {})}`, { signal })).warnings ?? [];
+  const isEarlier = ({ kind }) => kind === "earlier_version";
+  return { earlier: warnings.filter(isEarlier), bodies: warnings.filter((warning) => !isEarlier(warning)) };
+}

@@ -1,0 +1,72 @@
+// The cards below the plots of a result: scales, accuracy, events, comparison, bodies and scenario.
+
+import { asJson, explained, h, list, tableOf } from "../page/dom.js";
+import { term } from "../words/explain.js";
+import { inputRows } from "../words/input-rows.js";
+import { cycles, digits, percent, quantity, WORDS } from "../words/units.js";
+import { depthOrForce, NEEDS_REFERENCE } from "./estimate.js";
+import { sketch } from "./sketch.js";
+import { drawWarnings, isAtNumber } from "./warnings.js";
+
+/** Warnings that do not stand at a number of the headline. */
+const isElsewhere = (warning) => !isAtNumber(warning);
+
+const card = (title, ...children) => h("section", { class: "card" }, h("h2", {}, title), ...children);
+
+/** The inputs as they were typed; without these, as they are computed. */
+const drawInputs = (scenario) => card("Inputs", list(inputRows([scenario]).map(({ id, name, texts: [text] }) => [name, text, id])));
+
+export function drawDetails(place, result, submitted, bodyWarnings) {
+  const { scales, unworn, limit, units, events, accuracy, warnings, comparison, bodies, scenario } = result;
+  const isRule = scenario.model.method === "simplified";
+  const inUnits = (name, value) => quantity(value, units[name]);
+  place.replaceChildren(...[
+    card("Unworn contact", sketch(result), list([
+      [[term("contact_radius", scenario), "₀"], inUnits("contact_radius", scales.contact_radius)],
+      depthOrForce(scenario, scales),
+      [[term("normal_force", scenario), "₀"], inUnits("normal_force", scales.normal_force)],
+      ["Characteristic cycles N₀", scales.cycles == null ? "–" : cycles(Math.round(scales.cycles))],
+      [term("gross_slip_amplitude", scenario), unworn.gross_slip_amplitude == null ? NEEDS_REFERENCE : inUnits("gross_slip_amplitude", unworn.gross_slip_amplitude)],
+      unworn.actuator_gross_slip_amplitude != null
+        && [term("actuator_gross_slip_amplitude", scenario), inUnits("gross_slip_amplitude", unworn.actuator_gross_slip_amplitude)],
+      [term("peak_pressure", scenario), unworn.peak_pressure == null ? "Infinite" : inUnits("peak_pressure", unworn.peak_pressure)],
+      limit && ["Limiting volume", inUnits("wear_volume", limit.wear_volume)],
+      limit && ["Limiting depth", inUnits("wear_depth", limit.wear_depth)],
+    ])),
+    card("Accuracy", list([
+      accuracy.numerical_error != null && ["Largest numerical error of the volume", percent(accuracy.numerical_error)],
+      accuracy.wear_depth_error != null && ["Largest numerical error of the depth", percent(accuracy.wear_depth_error)],
+      isRule && ["Expected error of the rule", accuracy.model_error == null ? "unknown" : percent(accuracy.model_error)],
+      [isRule ? "Energy mismatch of the rule" : "Energy balance error", percent(accuracy.energy_mismatch)],
+      accuracy.steps != null && ["Time steps", digits(accuracy.steps)]]),
+    isRule && h("p", { class: "muted" }, "The default choice is the exact method. The simplified rule is kept for comparison with the paper. ",
+      "It is fast only with depth and amplitude held. It satisfies the energy balance V = (k_w/μ)·ΣW only approximately. ",
+      "The mismatch shows by how much. To measure the error of the rule, run the exact method and compare it with the rule."),
+    drawWarnings(warnings.filter(isElsewhere)),
+    drawWarnings(bodyWarnings.list.filter(isElsewhere), bodyWarnings.title),
+    explained("accuracy", "How accurate a result is")),
+    events.length > 0 && card("Events", h("ul", { id: "events" }, events.map((event) =>
+      h("li", {}, `${eventWords(event)} at N = ${cycles(Math.round(event.cycles))}`))), explained("results#events", "What the events mean")),
+    comparison && drawComparison(comparison),
+    bodies && card("Wear of each body", list(bodies.flatMap((body, i) => [
+      body.share !== undefined && [`Body ${i + 1}, share ${percent(body.share)}`,
+        `${inUnits("wear_depth", body.wear_depth.at(-1))}, ${inUnits("wear_volume", body.wear_volume.at(-1))}`],
+      body.scar_half_length && [`Body ${i + 1} (${i ? "counterbody" : "with the profile"}), half-length of the scar`,
+        inUnits("scar_half_length", body.scar_half_length.at(-1))]]))),
+    drawInputs(submitted ?? scenario),
+    asJson("Scenario", scenario),
+  ].filter(Boolean));
+}
+
+/** An event in words. Bodies and layers are counted from 1. */
+const eventWords = ({ kind, body, layer, radius }) => (kind !== "layer_worn_through" ? WORDS[kind]
+  : `Layer ${layer + 1} of body ${body + 1} worn through ${radius > 0 ? `${quantity(radius, "m")} from the middle` : "in the middle"},`);
+
+/** The errors of the simplified rule at each output cycle. */
+function drawComparison({ history, errors, xi, best_xi: bestXi, best_error: bestError }) {
+  return card("Error of the simplified rule",
+    tableOf("Error of the simplified rule", ["Cycles N", "Wear volume", "Wear depth", "Energy"], history.cycles.map((at, i) => h("tr", {}, h("th", { scope: "row" }, cycles(at)),
+      [errors.wear_volume, errors.wear_depth, errors.dissipated_energy].map((column) => h("td", {}, percent(column[i]))))), { id: "comparison" }),
+    h("p", { class: "muted" }, `Relative to the exact method, with ξ = ${digits(xi)}.`,
+      bestXi != null && ` The best fit is ξ = ${digits(bestXi)}, with an RMS volume error of ${percent(bestError)}.`));
+}

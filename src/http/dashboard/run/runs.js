@@ -1,0 +1,109 @@
+// All runs of the server: also those that wait, failed or were canceled.
+
+import { keepState } from "../page/address.js";
+import { button, capital, choice, dateTime, debounced, h, notify, select } from "../page/dom.js";
+import { columnOf } from "../words/scaling.js";
+import { may } from "../access/allowed.js";
+import { get, jobAddress, post, send } from "../access/api.js";
+import { saveAs } from "../figure/save.js";
+import { isDraft, knownName, loadNames } from "../library/summary.js";
+
+const REFRESH_MS = 2000;
+const OLDEST = "created";
+const OPEN = ["queued", "running", "canceling"];
+const STATES = [...OPEN, "succeeded", "failed", "canceled"];
+/** How a job got its result. */
+const ORIGINS = { computed: "Computed", cached: "From the library", coalesced: "Shared run" };
+
+export async function showRuns(main, { query, signal }) {
+  const list = h("tbody", {});
+  const empty = h("p", { class: "muted empty" });
+  const more = h("button", { type: "button", hidden: true }, "Show more runs");
+  const state = select({ "": "All", ...Object.fromEntries(STATES.map((name) => [name, capital(name)])) },
+    query.get("state"), { id: "state-filter", onchange: search });
+  const words = h("input", { id: "find-runs", type: "search", value: query.get("q") ?? "", autocomplete: "off", oninput: debounced(200, search),
+    placeholder: "Words in labels, tags and notes", "aria-label": "Search in labels, tags and notes" });
+  const owner = select({ "": "Anyone", me: "Me" }, query.get("owner"), { id: "owner-filter", onchange: search });
+  let sort = query.get("sort") ?? "";
+  let older = [], next = null;
+  const submitted = h("th", { scope: "col" }, h("button", { type: "button", class: "sort", onclick: () => {
+    sort = sort ? "" : OLDEST;
+    search();
+  } }, "Submitted"));
+
+  /** The filters without the order. */
+  const filters = () => new URLSearchParams(Object.entries({ q: words.value.trim(), state: state.value, owner: owner.value }).filter(([, text]) => text));
+  function asked() {
+    const all = filters();
+    if (sort) all.set("sort", sort);
+    return all;
+  }
+
+  function search() {
+    if (signal.aborted) return;
+    keepState(`#/runs${asked().size ? `?${asked()}` : ""}`);
+    older = [];
+    read();
+  }
+
+  more.addEventListener("click", async () => {
+    const page = await get(next, { signal });
+    older.push(...page.jobs);
+    next = page.next;
+    read();
+  });
+
+  async function read() {
+    const own = String(asked());
+    const page = await get(`/v1/jobs?${own}&limit=50`, { signal });
+    if (own !== String(asked())) return;
+    submitted.setAttribute("aria-sort", sort ? "ascending" : "descending");
+    if (older.length === 0) next = page.next;
+    const shown = new Set(page.jobs.map((job) => job.id));
+    // A draft that was canceled, because its form changed, is of no use.
+    const jobs = [...page.jobs, ...older.filter((job) => !shown.has(job.id))].filter((job) => !isDraft(job) || job.state !== "canceled");
+    // A refresh must not take the focus from a button.
+    const focused = document.activeElement?.dataset.job;
+    const volume = columnOf("m^3", jobs.map(({ summary }) => summary?.wear_volume));
+    list.replaceChildren(...jobs.map((job) => drawRow(job, volume)));
+    if (focused) list.querySelector(`[data-job="${focused}"]`)?.focus();
+    empty.replaceChildren(...(jobs.length ? [] : filters().size ? ["No match. Change the search or the filters."]
+      : may("submit") ? ["No runs yet. ", h("a", { href: "#/new" }, "Start a run"), "."] : ["No runs yet."]));
+    more.hidden = !next;
+    loadNames(jobs, signal, (job) => {
+      for (const place of list.querySelectorAll(`[data-name="${job.id}"]`)) place.textContent = knownName(job);
+    });
+  }
+
+  function drawRow(job, volume) {
+    const name = knownName(job) ?? "…";
+    const done = job.state === "succeeded";
+    return h("tr", {},
+      h("th", { scope: "row" }, h("a", { href: done ? `#/result/${job.key}?job=${job.id}` : `#/run/${job.id}`, "data-name": job.id }, name),
+        isDraft(job) && h("span", { class: "state", title: "The form computed this by itself. It was not kept." }, "draft")),
+      h("td", {}, h("span", { class: `state ${job.state}` }, job.state),
+        OPEN.includes(job.state) && h("progress", { max: 1, value: job.progress, "aria-label": "Progress" })),
+      h("td", {}, dateTime(job.times.created)),
+      h("td", {}, done && ORIGINS[job.origin]),
+      h("td", {}, job.summary && volume(job.summary.wear_volume)),
+      h("td", {}, may("submit") && OPEN.includes(job.state) && h("button", { type: "button", "data-job": job.id, onclick: async () => {
+        await post(jobAddress(job.id, "/cancel")).catch((problem) => notify(problem.detail));
+        read();
+      }, "aria-label": `Cancel ${knownName(job) ?? job.id}` }, "Cancel")));
+  }
+
+  await read();
+  const save = button("CSV of all found", async () => saveAs("fretwork-runs.csv",
+    await (await send(`/v1/jobs?${asked()}&format=csv&comments=none`, { headers: { Accept: "*/*" } })).text(), "text/csv"));
+  // Only administrators see the runs of others.
+  main.replaceChildren(h("div", { class: "head" }, h("h1", {}, "Runs"), words,
+    choice("State", state), may("administrate") && choice("Submitted by", owner), save),
+  h("div", { class: "card scroll", tabIndex: 0, role: "region", "aria-label": "Runs" },
+    h("table", { class: "jobs" }, h("thead", {}, h("tr", {}, ["Run", "State", submitted, "Origin", "Wear volume"].map((name) =>
+      name === submitted ? name : h("th", { scope: "col" }, name)), h("td", {}))), list), empty), more);
+
+  const timer = setInterval(() => document.hidden || read().catch(() => {}), REFRESH_MS);
+  addEventListener("focus", () => read().catch(() => {}), { signal });
+  document.addEventListener("units", read, { signal });
+  signal.addEventListener("abort", () => clearInterval(timer));
+}

@@ -1,0 +1,81 @@
+// The distribution of each output over all points: in which range most points lie, a histogram, and a table.
+
+import { choice, h, select, tableOf } from "../page/dom.js";
+import { italics } from "../words/explain.js";
+import { axisUnit, columnOf, digits, withUnit } from "../words/scaling.js";
+import { cycles } from "../words/units.js";
+import { get } from "../access/api.js";
+import { histogram } from "./bars.js";
+import { Chart } from "./chart.js";
+
+/** The statistics of the API, with their words. */
+const STATISTICS = [["mean", "Mean"], ["standard_deviation", "Standard deviation"], ["minimum", "Least"],
+  ["percentile_2_5", "2.5th percentile"], ["percentile_5", "5th percentile"], ["percentile_25", "25th percentile"], ["median", "Median"],
+  ["percentile_75", "75th percentile"], ["percentile_95", "95th percentile"], ["percentile_97_5", "97.5th percentile"], ["maximum", "Largest"]];
+/** The statistics beside the histogram. */
+const TILES = STATISTICS.map(([name]) => name).filter((name) => name !== "minimum" && name !== "maximum");
+/** The lines in the histogram. Those without a name are faint: their names would cover their neighbours. */
+const MARKS = { percentile_2_5: "2.5\u00a0%", percentile_5: "", median: "median", percentile_95: "", percentile_97_5: "97.5\u00a0%" };
+const LEGEND = "Lines: the median; 95\u00a0% of the points lie between the outer lines (2.5\u00a0% and 97.5\u00a0%), and 90\u00a0% between the faint ones (5\u00a0% and 95\u00a0%).";
+
+/** The rows of a table of columns that belong to an output. */
+function ofOutput(columns, output) {
+  const rows = columns.output.flatMap((own, i) => (own === output ? [i] : []));
+  return Object.fromEntries(Object.entries(columns).map(([name, values]) => [name, rows.map((row) => values[row])]));
+}
+
+/** Loads the statistics of a result at `address`, and returns their card. `words` are parameters of the address. */
+export async function statisticsOf(view, address, words, { isSample, signal }) {
+  const asked = (part) => get(`${address}/${part}?${words}`, { signal });
+  const [{ statistics }, { histogram: bins }] = await Promise.all([asked("statistics"), asked("histogram")]);
+  let output = statistics.output[0];
+  const chart = new Chart({ name: "histogram", signal, open: null });
+  const headline = h("p", { class: "likely", id: "ninety" });
+  const certainty = h("p", { class: "muted", id: "certainty" });
+  const tiles = h("dl", { class: "tiles", id: "statistics" });
+  const legend = h("p", { class: "muted", id: "histogram-legend" }, LEGEND);
+  const table = h("div", {});
+  const field = select(Object.fromEntries(statistics.output.map((name) => [name, view.title(name)])), output, { id: "statistics-output", onchange: () => {
+    output = field.value;
+    draw();
+  } });
+
+  function draw() {
+    const at = statistics.output.indexOf(output);
+    const unit = view.units[output] ?? "1";
+    const value = (name) => statistics[name][at];
+    // All in the unit of the median.
+    const inUnit = columnOf(unit, [value("median")]);
+    const shown = (name) => inUnit(value(name));
+    const count = value("points");
+    const who = isSample ? "points of the sample" : "points";
+    headline.replaceChildren(...(count ? [`${view.title(output)}: 90\u00a0% of the ${who} lie between `, h("strong", {}, shown("percentile_5")), " and ", h("strong", {}, shown("percentile_95")),
+      ", and 95\u00a0% between ", h("strong", {}, shown("percentile_2_5")), " and ", h("strong", {}, shown("percentile_97_5")), "."]
+      : ["No point has this output."]));
+    const between = (name) => `between ${shown(`${name}_low`)} and ${shown(`${name}_high`)}`;
+    const known = (share, low, high) => `the lower end of the ${share}\u00a0% is known to lie ${between(low)}, and the upper end ${between(high)}`;
+    certainty.textContent = !isSample || !count ? "" : value("percentile_5_low") == null ? `${cycles(count)} points are too few to say how well these ends are known. Take at least 128.`
+      : `With ${cycles(count)} points, ${known(90, "percentile_5", "percentile_95")}${value("percentile_2_5_low") == null ? ". They are too few for the ends of the 95\u00a0%."
+        : `; ${known(95, "percentile_2_5", "percentile_97_5")}.`} The confidence is 95\u00a0%.`;
+    tiles.replaceChildren(...TILES.map((name) => h("div", {}, h("dt", {}, STATISTICS.find(([own]) => own === name)[1]), h("dd", { "data-statistic": name }, shown(name)))));
+    chart.show(`${view.title(output)}: ${cycles(count)} points`, histogram(ofOutput(bins, output), { ...view.words(output), unit },
+      Object.entries(MARKS).map(([name, word]) => ({ x: value(name), name: word })), count));
+    chart.element.hidden = legend.hidden = count === 0;
+    table.replaceChildren(tableOfAll(view, statistics));
+  }
+  draw();
+  document.addEventListener("units", draw, { signal });
+  const choices = statistics.output.length > 1 && h("div", { class: "row" }, choice("Output", field));
+  return [choices, headline, certainty, tiles, chart.element, legend, h("details", {}, h("summary", {}, "Statistics of all outputs"), table)];
+}
+
+/** The statistics of all outputs as a table. Each row has the unit of its output. */
+function tableOfAll(view, statistics) {
+  const row = (name, i) => {
+    const { title, symbol } = view.words(name);
+    const { unit, factor } = axisUnit(view.units[name] ?? "1", Math.max(Math.abs(statistics.minimum[i] ?? 0), Math.abs(statistics.maximum[i] ?? 0)));
+    return h("tr", {}, h("th", { scope: "row" }, italics(withUnit(`${title} ${symbol}`.trim(), unit))),
+      h("td", {}, cycles(statistics.points[i])), STATISTICS.map(([own]) => h("td", {}, digits(statistics[own][i] == null ? null : statistics[own][i] * factor, 4))));
+  };
+  return tableOf("Statistics of all outputs", ["Output", "Points", ...STATISTICS.map(([, word]) => word)], statistics.output.map(row));
+}

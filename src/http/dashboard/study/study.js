@@ -1,0 +1,60 @@
+// The result of a study: its counts, the distribution of its outputs, its figure and its table.
+
+import { keepState } from "../page/address.js";
+import { asJson, explained, fill, h } from "../page/dom.js";
+import { cycles } from "../words/units.js";
+import { KINDS } from "../words/words.js";
+import { may } from "../access/allowed.js";
+import { get, resultAddress } from "../access/api.js";
+import { drawActions } from "../library/actions.js";
+import { loadWarnings } from "../library/stored.js";
+import { kindOf, studyTitle } from "../library/summary.js";
+import { StudyFigure } from "./figure.js";
+import { opener } from "./open.js";
+import { statisticsOf } from "./statistics.js";
+import { StudyTable } from "./table.js";
+import { editLink } from "./vary.js";
+import { greatestOf, verdictsOf } from "./verdict.js";
+import { isSample, MOST, viewOf } from "./view.js";
+import { variedWords } from "./words.js";
+
+/** Shows a study that was loaded without its rows. */
+export async function showStudy(main, result, { job, link, query, signal }) {
+  const name = kindOf(result);
+  const { earlier } = await loadWarnings(result.key, link, signal);
+  const words = new URLSearchParams(link ? { link } : {});
+  const whole = await get(`${resultAddress(result.key)}?${new URLSearchParams({ rows: String(MOST), ...(link && { link }) })}`, { signal });
+  const kind = studyTitle(name, result[name]);
+  document.title = `${job.label || kind} · fretwork`;
+  const remember = () => keepState(`#/result/${result.key}${query.size ? `?${query}` : ""}`);
+  const rows = KINDS[name].rows;
+  const view = viewOf(name, { study: result[name], units: whole.units, table: whole[rows], findings: rows === "table" ? null : whole.table, boundary: whole.boundary });
+  const head = [
+    h("div", { class: "head" }, h("div", {}, h("h1", {}, kind),
+      job.label && h("p", { id: "result-label" }, job.label),
+      h("p", { id: "varied" }, variedWords(view)),
+      h("p", { class: "muted", id: "counts" }, `${countsOf(result.counts)} · numerics version ${result.engine.numerics} · `, h("code", {}, result.key.slice(0, 12)), "…")),
+    drawActions(result, { job, link, form: editLink({ ...result, ...job, submitted: job.submitted ?? job.typed }), remember() {}, signal })),
+    verdictsOf(view) || (name === "sweep" && !isSample(view) && greatestOf(view)),
+    earlier.map(({ detail }) => h("p", { class: "warning" }, detail)),
+    result.notes?.length > 0 && h("section", { class: "card", "aria-label": "Notes" }, h("h2", {}, "Notes"),
+      h("ul", {}, result.notes.map(({ output, member, detail }) => h("li", {}, h("strong", {}, view.title(member ?? output)), ": ", detail))))];
+  // The reader of a shared link may not compute.
+  const open = link || !may("submit") ? null : opener(() => view, job.label || kind, signal);
+  const figure = new StudyFigure(view, { query, remember, open, signal });
+  const table = new StudyTable(view, { open, total: result.counts.points, signal });
+  const distribution = h("section", { class: "card plot", "aria-label": "Distribution" }, h("h2", {}, "Distribution of the outputs"));
+  const loadStatistics = async (place) => place.append(...(await statisticsOf(view, resultAddress(result.key), words, { isSample: isSample(view), signal })).filter(Boolean));
+  if (isSample(view)) await loadStatistics(distribution);
+  else {
+    const details = h("details", { ontoggle: () => details.childElementCount === 1 && loadStatistics(details) }, h("summary", {}, "Show mean, percentiles and histograms over all points"));
+    distribution.append(details);
+  }
+  fill(main, head, isSample(view) && name !== "sensitivity" ? [distribution, figure.element] : [figure.element, distribution], table.element, asJson(kind, result[name]),
+    explained("studies", "What each study computes"));
+}
+
+/** The counts of the points in words. */
+function countsOf({ points, refused, incomplete }) {
+  return [`${cycles(points)} points`, refused && `${cycles(refused)} invalid`, incomplete && `${cycles(incomplete)} with missing outputs`].filter(Boolean).join(", ");
+}
