@@ -45,8 +45,9 @@ pub struct Shares {
     /// Turns for evaluations. A caller computes at most as many at a time as there are workers, and its further
     /// evaluations wait here. So an evaluation of another caller does not wait for all of them.
     pub evaluations: PerCaller,
-    /// Turns of the requests of one caller that read a large document, and the turn that all callers share.
+    /// Turns of requests of one caller that want to read a large document.
     documents: PerCaller,
+    /// The turn of all callers to read one.
     document: Arc<Semaphore>,
     /// The memory that all permits hold at present, in bytes.
     pub held: Gauge,
@@ -115,9 +116,8 @@ impl Shares {
     /// Waits until a request of this caller may read a large document. One request at a time may.
     ///
     /// # Errors
-    /// The requests before it take longer than `LONGEST_WAIT`.
-    pub async fn large_document(&self, caller: &str) -> Result<LargeDocument> {
-        let end = longest_wait();
+    /// The requests before it end later than `end`.
+    pub async fn large_document(&self, end: Instant, caller: &str) -> Result<LargeDocument> {
         let own = timeout_at(end, self.documents.of(caller).acquire_owned());
         let Ok(Ok(own)) = own.await else { return Err(documents_busy()) };
         let all = timeout_at(end, Arc::clone(&self.document).acquire_owned());
@@ -265,7 +265,8 @@ fn all_full() -> Problem {
     full("Other requests use all the memory for large bodies. Try again in a moment.".to_owned())
 }
 
-fn documents_busy() -> Problem {
+/// The problem while other requests read large documents.
+pub fn documents_busy() -> Problem {
     full("The server is reading other large results. Try again in a moment.".to_owned())
 }
 
@@ -276,6 +277,8 @@ fn full(detail: String) -> Problem {
 
 #[cfg(test)]
 mod tests {
+    use std::pin::pin;
+
     use futures_util::FutureExt as _;
     use tokio::time::sleep;
 
@@ -339,6 +342,19 @@ mod tests {
         assert!(shares.heavy.turn("berta").now_or_never().is_some());
         turns.pop();
         assert!(shares.heavy.turn("anna").now_or_never().is_some());
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn one_large_document_is_read_at_a_time_and_one_request_of_a_caller_waits_for_it() {
+        let shares = Shares::new(1 << 20, 2);
+        let read = |caller| shares.large_document(longest_wait(), caller);
+        let first = read("anna").await.unwrap();
+        assert!(read("berta").await.is_err() && read("anna").await.is_err());
+        let (mut second, mut other) = (pin!(read("anna")), pin!(read("berta")));
+        assert!((&mut second).now_or_never().is_none() && (&mut other).now_or_never().is_none());
+        drop(first);
+        drop(other.await.unwrap());
+        drop(second.await.unwrap());
     }
 
     #[tokio::test]

@@ -83,10 +83,10 @@ pub enum Excess {
     },
     /// Size of the result of a run.
     #[error(
-        "The result would have about {} MB, and the limit is {} MB. Request profiles at fewer output cycles \
+        "The result would have about {:.1} MB, and the limit is {:.1} MB. Request profiles at fewer output cycles \
          (`profiles_at`), fewer output cycles (`cycles`), or fewer radii (`points`).",
-        bytes / 1_000_000,
-        limit / 1_000_000
+        *bytes as f64 / 1e6,
+        *limit as f64 / 1e6
     )]
     RunBytes {
         /// The estimated size of the result.

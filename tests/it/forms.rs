@@ -469,7 +469,10 @@ async fn a_new_run_with_a_result_that_is_too_large_is_refused() {
     let refused = server.send("POST", "/v1/jobs", &[JSON], body.to_string()).await;
     let problem = refused.problem(422, "too-expensive");
     let detail = problem["detail"].as_str().unwrap();
-    assert!(detail.contains("the limit is 16 MB") && detail.contains("`profiles_at`"), "{detail}");
+    assert!(
+        detail.contains("the limit is 16.0 MB") && detail.contains("`profiles_at`"),
+        "{detail}"
+    );
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -380,6 +380,7 @@ async fn deleting_an_evicted_result_removes_it_from_the_cache() {
         let held = [("If-None-Match", found.header("etag").unwrap())];
         assert_eq!(server.send("GET", form, &held, "").await.status, 304, "{form} is in memory");
     }
+    server.send("PUT", &format!("{at}/pin"), &[], "").await.problem(410, "evicted");
     server.send("DELETE", &at, &[], "").await.problem(410, "evicted");
     for form in &forms {
         server.get(form).await.problem(410, "evicted");

@@ -7,6 +7,7 @@ use axum::http::header::{self, HeaderName};
 use axum::http::{HeaderMap, HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
 use tokio::task;
+use tokio::time::{Instant, timeout_at};
 use xxhash_rust::xxh3::xxh3_64;
 
 use super::stored::{Stored, missing, stored};
@@ -15,7 +16,7 @@ use crate::http::access::caller::Caller;
 use crate::http::app::App;
 use crate::http::memory::{Encoded, Lookup, Making};
 use crate::http::problem::{Complaint, Problem, Result, kinds};
-use crate::http::shares::{LargeDocument, Permit, longest_wait};
+use crate::http::shares::{LargeDocument, Permit, documents_busy, longest_wait};
 use crate::http::wire::coding::{Coding, DECODER};
 use crate::http::wire::{ascii, words};
 use fretwork_format::{self as format, Format, Part, View};
@@ -73,11 +74,20 @@ impl Representation {
         }
     }
 
-    /// Finds the answer in memory, or makes it. `coding` is what the client accepts.
-    pub async fn text(&self, app: &App, coding: Coding) -> Result<Text> {
+    /// The name in `Memory` of the answer from a large result to a client that accepts this coding.
+    fn name_of_large(&self, accepted: Coding) -> String {
+        self.name_in(made_in(accepted)) + " large"
+    }
+
+    /// Finds the answer in memory, or makes it. `accepted` is what the client accepts.
+    pub async fn text(&self, app: &App, accepted: Coding) -> Result<Text> {
+        // An NPZ archive is compressed already.
+        let is_packed = self.format == Format::Npz;
+        let coding = if is_packed { Coding::Identity } else { accepted };
         let name = self.name_in(coding);
         let kept = app.memory.get(&name);
-        app.metrics.looked_up(kept.is_some());
+        let is_kept = kept.is_some() || app.memory.get(&self.name_of_large(coding)).is_some();
+        app.metrics.looked_up(is_kept);
         if let Some(answer) = kept {
             return Ok(Text::whole(answer));
         }
@@ -109,34 +119,63 @@ impl Representation {
             _ => return Ok(None),
         };
         let size = Body::of(body.clone()).size().unwrap_or(body.len());
-        Ok(Some(Encoded { body, coding, size, permit: None }))
+        Ok(Some(Encoded::new(body, coding, size)))
     }
 
     /// An answer from a large result. It is made once, compressed, and all its readers share these bytes. For a client that
     /// accepts no compression, they are decompressed while they are sent. `size` is the size of the result as JSON, in
     /// bytes.
     async fn large(&self, app: &App, coding: Coding, size: usize) -> Result<Text> {
-        let (end, caller, shares) = (longest_wait(), &self.caller.owner, &app.shares);
+        let end = longest_wait();
         let is_decoded = coding == Coding::Identity && self.format != Format::Npz;
         let memory = if is_decoded { DECODER } else { 0 };
-        let stream = shares.streams.hold_until(end, caller, memory).await?;
-        let made_in = if coding == Coding::Gzip { coding } else { Coding::Zstd };
-        let name = self.name_in(made_in) + " large";
-        let made = async {
-            // An answer takes less memory than its result. The request waits for it before it takes the single-flight
-            // lock, so that it does not delay other callers who want the same answer.
-            let permit = shares.answers.hold_until(end, caller, size).await?;
-            match app.memory.lookup(&name).await {
-                Lookup::Found(answer) => Ok(answer),
-                Lookup::Missing(making) => self.make_large(app, made_in, making, permit).await,
-            }
-        };
+        let stream = app.shares.streams.hold_until(end, &self.caller.owner, memory).await?;
+        let (made_in, name) = (made_in(coding), self.name_of_large(coding));
         let answer = tokio::select! {
             biased;
             answer = app.memory.made(&name) => answer,
-            answer = made => answer?,
+            answer = self.find_large(app, made_in, &name, size, end) => answer?,
         };
+        // The bytes of the answer count by the permit that they hold. A permit here, also an empty one, says that they need
+        // no other.
         Ok(Text { answer, is_decoded, permit: Some(Arc::new(stream)) })
+    }
+
+    /// Finds the answer from a large result under its name in memory, or makes it. The request waits for memory and for
+    /// the large document before it takes the single-flight lock, so that it does not delay other callers who want the
+    /// same answer.
+    async fn find_large(
+        &self,
+        app: &App,
+        coding: Coding,
+        name: &str,
+        size: usize,
+        end: Instant,
+    ) -> Result<Encoded> {
+        let (caller, shares) = (&self.caller.owner, &app.shares);
+        let is_stored = self.is_unchanged && coding == Coding::Zstd;
+        loop {
+            // An answer takes less memory than its result.
+            let kept = app.memory.get(name).map(|answer| answer.body.len());
+            let permit = shares.answers.hold_until(end, caller, kept.unwrap_or(size)).await?;
+            let turn = if is_stored || kept.is_some() {
+                None
+            } else {
+                Some(shares.large_document(end, caller).await?)
+            };
+            let making = match timeout_at(end, app.memory.lookup(name)).await {
+                Ok(Lookup::Found(answer)) => return Ok(answer),
+                Ok(Lookup::Missing(making)) => making,
+                Err(_) => return Err(documents_busy()),
+            };
+            if let Some(answer) = app.memory.get(name) {
+                return Ok(app.memory.finish(making, answer.counted(permit), false));
+            }
+            // If the cache has dropped the answer meanwhile, the request needs more memory.
+            if kept.is_none() {
+                return self.make_large(app, coding, making, permit, turn).await;
+            }
+        }
     }
 
     async fn make_large(
@@ -144,27 +183,21 @@ impl Representation {
         app: &App,
         coding: Coding,
         making: Making,
-        mut permit: Permit,
+        permit: Permit,
+        turn: Option<LargeDocument>,
     ) -> Result<Encoded> {
-        let read = async || match app.store.result(&self.key).await? {
-            Some(StoredResult::Whole(body)) => Ok(body),
-            _ => Err(missing(app, self.caller.reach(), &self.key).await),
+        let Some(StoredResult::Whole(body)) = app.store.result(&self.key).await? else {
+            return Err(missing(app, self.caller.reach(), &self.key).await);
         };
-        let kept = app.memory.get(making.name());
-        let is_kept = kept.is_some();
-        let found = match kept {
-            None if self.is_unchanged && coding == Coding::Zstd => {
-                self.as_stored(&read().await?, coding)?
-            }
-            kept => kept,
+        let turn = if let Some(turn) = turn {
+            turn
+        } else if let Some(answer) = self.as_stored(&body, coding)? {
+            return Ok(app.memory.finish(making, answer.counted(permit), true));
+        } else {
+            // A version before 0.3 stored the result without compression.
+            app.shares.large_document(longest_wait(), &self.caller.owner).await?
         };
-        if let Some(answer) = found {
-            permit.shrink(answer.body.len());
-            let answer = Encoded { permit: Some(Arc::new(permit)), ..answer };
-            return Ok(app.memory.finish(making, answer, !is_kept));
-        }
-        let turn = app.shares.large_document(&self.caller.owner).await?;
-        self.make(app, coding, making, read().await?, Some((permit, turn))).await
+        self.make(app, coding, making, body, Some((permit, turn))).await
     }
 
     /// Formats and compresses the answer on a blocking thread. The thread finishes the answer even if the client
@@ -179,7 +212,6 @@ impl Representation {
     ) -> Result<Encoded> {
         let (app, key, view) = (app.clone(), self.key, self.view.clone());
         let (part, format) = (self.part, self.format);
-        // An NPZ archive is compressed already.
         let coding = if format == Format::Npz { Coding::Identity } else { coding };
         let make = move || {
             let json = body.json().map_err(|_| Problem::damaged_result(&key))?;
@@ -189,11 +221,11 @@ impl Representation {
                 .map_err(|error| refused(&key, error))?;
             let (size, (body, coding)) =
                 (encoder.written(), encoder.finish().map_err(Problem::bug)?);
-            let permit = large.map(|(mut permit, _turn)| {
-                permit.shrink(body.len());
-                Arc::new(permit)
-            });
-            Ok(app.memory.finish(making, Encoded { body, coding, size, permit }, true))
+            let mut answer = Encoded::new(body, coding, size);
+            if let Some((permit, _turn)) = large {
+                answer = answer.counted(permit);
+            }
+            Ok(app.memory.finish(making, answer, true))
         };
         task::spawn_blocking(make).await.map_err(Problem::bug)?
     }
@@ -234,6 +266,11 @@ impl Representation {
         app.store.was_read(&self.key);
         Ok(Some((StatusCode::NOT_MODIFIED, caching(&held)).into_response()))
     }
+}
+
+/// The coding in which an answer from a large result is made for clients that accept this coding.
+fn made_in(accepted: Coding) -> Coding {
+    if accepted == Coding::Gzip { Coding::Gzip } else { Coding::Zstd }
 }
 
 /// The headers of every representation. A result does not change, so clients may cache it for ever.

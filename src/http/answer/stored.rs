@@ -1,5 +1,7 @@
 //! Stored results, and what requests read of them.
 
+use std::io;
+
 use axum::body::Bytes;
 use axum::http::header;
 use tokio::task;
@@ -7,7 +9,7 @@ use tokio::task;
 use crate::http::access::caller::Caller;
 use crate::http::app::App;
 use crate::http::problem::{Problem, Result, kinds};
-use crate::http::shares::LargeDocument;
+use crate::http::shares::{LargeDocument, longest_wait};
 use crate::http::wire::instant;
 use fretwork_job::Key;
 use fretwork_store::{Body, Error, StoredResult};
@@ -20,11 +22,16 @@ pub enum Stored {
     Large(usize),
 }
 
-/// The JSON of a result.
-pub struct Document {
-    pub json: Bytes,
-    /// Permission to have a large document in memory.
-    _large: Option<LargeDocument>,
+/// The JSON of a large result, which is in memory as long as the permission to have it there.
+struct Document {
+    json: Bytes,
+    _large: LargeDocument,
+}
+
+impl AsRef<[u8]> for Document {
+    fn as_ref(&self) -> &[u8] {
+        &self.json
+    }
 }
 
 /// A result; `None` if it is not stored.
@@ -42,32 +49,32 @@ pub async fn stored(app: &App, key: &Key) -> Result<Option<Stored>> {
 /// Checks that a result is stored. Otherwise, returns the problem. The problem links to the job that computes the
 /// result, if there is one that the caller may see.
 pub async fn require(app: &App, reach: Option<&str>, key: &Key) -> Result<()> {
-    match stored(app, key).await? {
-        Some(_) => Ok(()),
-        None => Err(missing(app, reach, key).await),
+    match app.store.small_result(key).await? {
+        Some(StoredResult::Whole(_) | StoredResult::Large(_)) => Ok(()),
+        Some(StoredResult::Evicted { .. }) | None => Err(missing(app, reach, key).await),
     }
 }
 
-/// Reads the JSON of a result. Of large results, the server has one at a time in memory as JSON: others wait for it.
-pub async fn document(app: &App, caller: &Caller, key: &Key) -> Result<Document> {
-    let (body, large) = match stored(app, key).await? {
-        Some(Stored::Small(body)) => (body, None),
-        Some(Stored::Large(_)) => {
-            let large = app.shares.large_document(&caller.owner).await?;
-            match app.store.result(key).await? {
-                Some(StoredResult::Whole(body)) => (body, Some(large)),
-                _ => return Err(missing(app, caller.reach(), key).await),
-            }
+/// Reads the JSON of a result. Of large results, the server has one at a time in memory as JSON: other requests wait until
+/// these bytes are dropped.
+pub async fn document(app: &App, caller: &Caller, key: &Key) -> Result<Bytes> {
+    let damaged = |_| Error::DamagedResult(*key);
+    match stored(app, key).await? {
+        Some(Stored::Small(body)) => {
+            app.store.was_read(key);
+            return Ok(body.json().map_err(damaged)?);
         }
+        Some(Stored::Large(_)) => {}
         None => return Err(missing(app, caller.reach(), key).await),
+    }
+    let large = app.shares.large_document(longest_wait(), &caller.owner).await?;
+    let Some(StoredResult::Whole(body)) = app.store.result(key).await? else {
+        return Err(missing(app, caller.reach(), key).await);
     };
-    app.store.was_read(key);
-    let json = if large.is_some() {
-        task::spawn_blocking(move || body.json()).await.map_err(Problem::bug)?
-    } else {
-        body.json()
-    };
-    Ok(Document { json: json.map_err(|_| Error::DamagedResult(*key))?, _large: large })
+    // The thread keeps the permission if the client disconnects.
+    let read = move || Ok(Bytes::from_owner(Document { json: body.json()?, _large: large }));
+    let json: io::Result<_> = task::spawn_blocking(read).await.map_err(Problem::bug)?;
+    Ok(json.map_err(damaged)?)
 }
 
 /// The problem for a result that is not stored.

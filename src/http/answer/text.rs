@@ -8,6 +8,7 @@ use axum::body::{Body, Bytes};
 use axum::http::header::CONTENT_LENGTH;
 use axum::response::{IntoResponse, Response};
 use futures_util::stream::{self, Stream, StreamExt as _};
+use tokio::task::consume_budget;
 
 use crate::http::memory::Encoded;
 use crate::http::shares::Permit;
@@ -19,19 +20,20 @@ pub struct Text {
     pub answer: Encoded,
     /// Whether they are decompressed while they are sent, if they are compressed.
     pub is_decoded: bool,
-    /// Permission for the memory that sending takes.
+    /// Permission for the memory that sending takes; `None` if it is not counted yet.
     pub permit: Option<Arc<Permit>>,
 }
 
 impl Text {
-    /// A text that is sent as it is in memory.
+    /// An answer from a small result, which is sent as it is in memory.
     pub fn whole(answer: Encoded) -> Self {
-        Self { permit: answer.permit.clone(), answer, is_decoded: false }
+        Self { permit: None, answer, is_decoded: false }
     }
 
-    /// A short text.
+    /// A text without compression.
     pub fn of(body: Bytes) -> Self {
-        Self::whole(Encoded { size: body.len(), body, coding: Coding::Identity, permit: None })
+        let size = body.len();
+        Self::whole(Encoded::new(body, Coding::Identity, size))
     }
 
     /// The bytes, if they are sent as they are in memory.
@@ -60,7 +62,13 @@ impl Text {
                 tracing::error!(%error, "an answer ended early");
             }
         };
-        stream::iter(decoded(self.answer.body).inspect(told)).right_stream()
+        let pieces = stream::iter(decoded(self.answer.body).inspect(told));
+        // A client that reads as fast as this decompresses would otherwise keep the thread from other requests.
+        let slowly = pieces.then(|piece| async {
+            consume_budget().await;
+            piece
+        });
+        slowly.right_stream()
     }
 }
 

@@ -60,7 +60,7 @@ pub async fn report(app: App, caller: Caller, key: Segment, mut query: Query) ->
         let about = about(&app, &caller, &key, job.filter(|_| key == first)).await?;
         let result = document(&app, &caller, &key).await?;
         // Only one result is in memory at a time: what the report has of it is bounded.
-        let read = move || Entry::read(&result.json, &about, engineering, count);
+        let read = move || Entry::read(&result, &about, engineering, count);
         let entry = task::spawn_blocking(read).await.map_err(Problem::bug)?;
         entries.push(entry.map_err(|error| refused(&key, error))?);
     }

@@ -49,7 +49,7 @@ pub async fn smooth(app: App, caller: Caller, key: Segment, _: NoQuery) -> Resul
     let key = read_key(&key)?;
     let _turn = app.shares.evaluations.turn(&caller.owner).await;
     let stored = document(&app, &caller, &key).await?;
-    let read = task::spawn_blocking(move || Denser::of(&stored.json));
+    let read = task::spawn_blocking(move || Denser::of(&stored));
     let denser = read.await.map_err(Problem::bug)?.map_err(|error| refused(&key, error))?;
     let Histories { history, simplified } = match denser {
         None => Histories::default(),

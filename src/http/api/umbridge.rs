@@ -354,8 +354,9 @@ async fn likelihood_of(
         return Err(bad_input(message));
     }
     let fit = document(app, caller, &key).await?;
-    let read = move || Some(Likelihood::read(&fit.json));
-    let model = compute(app, 1e-3, read).await?;
+    // This waits for no worker, because other requests may wait for the document.
+    let model =
+        tokio::task::spawn_blocking(move || Likelihood::read(&fit)).await.map_err(Problem::bug)?;
     let model =
         Arc::new(model.map_err(|why| bad_input(format!("The fit has no likelihood: {why}.")))?);
     app.models.insert(key.to_string(), AnyModel::Likelihood(Arc::clone(&model)));

@@ -41,7 +41,7 @@ pub async fn verdict(app: App, caller: Caller, key: Segment, _: NoQuery) -> Resu
     let key = read_key(&key)?;
     let _turn = app.shares.heavy.turn(&caller.owner).await;
     let stored = document(&app, &caller, &key).await?;
-    let read = task::spawn_blocking(move || Verdict::read(&stored.json));
+    let read = task::spawn_blocking(move || Verdict::read(&stored));
     let read = read.await.map_err(Problem::bug)?.map_err(|error| refused(&key, error))?;
     let Some(Verdict { outcome, verdict, reason, intervals }) = read else {
         let detail = "Only a fit has a verdict, and this result is not a fit.";

@@ -32,7 +32,20 @@ pub struct Encoded {
     pub size: usize,
     /// Permission for the memory of the bytes while clients read them. Bytes in the cache count against the size of the
     /// cache instead.
-    pub permit: Option<Arc<Permit>>,
+    _permit: Option<Arc<Permit>>,
+}
+
+impl Encoded {
+    /// A body, and the number of its bytes without compression.
+    pub fn new(body: Bytes, coding: Coding, size: usize) -> Self {
+        Self { body, coding, size, _permit: None }
+    }
+
+    /// The body with permission for its memory.
+    pub fn counted(self, mut permit: Permit) -> Self {
+        permit.shrink(self.body.len());
+        Self { _permit: Some(Arc::new(permit)), ..self }
+    }
 }
 
 /// One answer that is being made or sent.
@@ -59,13 +72,6 @@ pub struct Making {
     name: String,
     slot: Arc<Slot>,
     _turn: OwnedMutexGuard<()>,
-}
-
-impl Making {
-    /// The name of the answer.
-    pub fn name(&self) -> &str {
-        &self.name
-    }
 }
 
 /// An answer, or the permission to make it.
@@ -168,7 +174,7 @@ impl Memory {
             // must not keep the answer.
             let current = slots.get(&name).map_or(ptr::null(), Weak::as_ptr);
             if ptr::eq(current, Arc::as_ptr(&slot)) {
-                self.cache.insert(name, Encoded { permit: None, ..answer.clone() });
+                self.cache.insert(name, Encoded { _permit: None, ..answer.clone() });
             }
         }
         let shared = share(slot.answer.get_or_init(|| answer), &slot);
@@ -213,8 +219,7 @@ mod tests {
     use crate::http::shares::NAMES;
 
     fn answer(size: usize) -> Encoded {
-        let body = Bytes::from(vec![0; size]);
-        Encoded { body, coding: Coding::Identity, size, permit: None }
+        Encoded::new(vec![0; size].into(), Coding::Identity, size)
     }
 
     fn address(answer: &Encoded) -> *const u8 {

@@ -122,7 +122,7 @@ impl Coding {
     }
 }
 
-/// Decompresses a Zstandard text, piece by piece. After an error there is nothing.
+/// Decompresses a Zstandard text, piece by piece. The first error ends the text.
 pub fn decoded(packed: Bytes) -> impl Iterator<Item = io::Result<Bytes>> + Send {
     /// Size of a piece, in bytes.
     const PIECE: u64 = 64 << 10;
