@@ -95,10 +95,10 @@ pub fn fit(settings: &Fit) -> Result<(), Error> {
 }
 
 /// A result, and its verdict.
-type Found = (Value, Option<Verdict>);
+type FittedResult = (Value, Option<Verdict>);
 
 /// The result of a job. A fault of the job names its option or its file.
-fn fitted(body: &str, settings: &Fit) -> Result<Found, Error> {
+fn fitted(body: &str, settings: &Fit) -> Result<FittedResult, Error> {
     let mut faults = match Submission::parse(body.as_bytes()) {
         Ok(job) => {
             let result = compute(&job.prepared)?.0.body;
@@ -160,7 +160,7 @@ fn defaults(scenario: &Value, points: usize) -> Result<Vec<Value>, Error> {
 }
 
 /// The notes, the verdict, the estimates and the predictions in words.
-fn told((found, verdict): &Found, notes: &[String]) -> Result<String, Error> {
+fn told((found, verdict): &FittedResult, notes: &[String]) -> Result<String, Error> {
     let mut text = String::new();
     let list = |name: &str| found[name].as_array().into_iter().flatten();
     let details = list("notes").filter(|note| !is_in_verdict(note));

@@ -20,7 +20,7 @@ use xxhash_rust::xxh3::xxh3_64;
 use super::places::make_parent;
 use super::printing::{Error, Progress, say};
 use super::study;
-use crate::config::Part;
+use crate::config::StudyPart;
 use fretwork_job::{Answer, Prepared, Submission, Task};
 use fretwork_store::MAX_BODY;
 use fretwork_study::{Rows, Study};
@@ -35,10 +35,10 @@ type Chunks = BTreeMap<usize, Rows>;
 
 /// The first line of a file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-struct Head {
+struct FirstLine {
     /// The version of the form of the file.
     fretwork_part: u32,
-    part: Part,
+    part: StudyPart,
     /// The number of chunks of the whole study.
     chunks: usize,
     /// The key of the study's result. Another version of the engine computes other rows under another key.
@@ -57,7 +57,7 @@ struct Chunk {
 /// The content of a file.
 #[derive(Debug, Default)]
 struct Content {
-    head: Option<Head>,
+    head: Option<FirstLine>,
     rows: Chunks,
     /// The length of all complete lines, in bytes.
     length: usize,
@@ -122,13 +122,13 @@ fn chunks(study: &Study, of: usize) -> usize {
 }
 
 /// Computes the chunks of a part that the file does not have yet, and appends each to the file.
-pub fn compute(job: &Submission, body: &[u8], part: Part, store: &Path) -> Result<(), Error> {
+pub fn compute(job: &Submission, body: &[u8], part: StudyPart, store: &Path) -> Result<(), Error> {
     let study = divisible(&job.prepared)?;
     let [bytes, most] = [study.bytes() as u64, MAX_BODY].map(ByteSize::b);
     if bytes > most {
         say(&format!("the joined result could have {bytes}, and `fretwork import` accepts {most}"));
     }
-    let head = Head {
+    let head = FirstLine {
         fretwork_part: FORM,
         part,
         chunks: chunks(study, part.of),
@@ -151,7 +151,7 @@ pub fn compute(job: &Submission, body: &[u8], part: Part, store: &Path) -> Resul
 
 /// Opens the file of a part, and reads its chunks. Creates the file if it is missing. The inner error says why the file
 /// is refused.
-fn open(store: &Path, head: &Head) -> io::Result<Result<(File, Chunks), String>> {
+fn open(store: &Path, head: &FirstLine) -> io::Result<Result<(File, Chunks), String>> {
     make_parent(store)?;
     let mut file = OpenOptions::new().create(true).read(true).append(true).open(store)?;
     if !file.metadata()?.is_file() {
@@ -181,7 +181,7 @@ fn open(store: &Path, head: &Head) -> io::Result<Result<(File, Chunks), String>>
 
 /// The rows of a whole study, and what the first line of one of its files says.
 pub struct Joined {
-    head: Head,
+    head: FirstLine,
     chunks: Chunks,
 }
 
@@ -212,7 +212,7 @@ pub fn join(files: &[impl AsRef<Path>]) -> Result<Joined, Error> {
     match (0..joined.head.chunks).find(|number| !joined.chunks.contains_key(number)) {
         None => Ok(joined),
         Some(number) => {
-            let part = Part { number: number % of + 1, of };
+            let part = StudyPart { number: number % of + 1, of };
             Err(format!("part {part} is missing or not complete; compute it with --part {part}")
                 .into())
         }
@@ -229,7 +229,7 @@ impl Joined {
     pub fn answer(&self, prepared: &Prepared) -> Result<(Answer, Duration), Error> {
         let started = Instant::now();
         let study = divisible(prepared)?;
-        let Head { key, part, chunks: count, .. } = &self.head;
+        let FirstLine { key, part, chunks: count, .. } = &self.head;
         if *key != prepared.key.to_string() || *count != chunks(study, part.of) {
             return Err("another version of fretwork computed the parts; join them with it".into());
         }

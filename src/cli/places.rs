@@ -8,7 +8,7 @@ use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 
 use super::printing::Error;
-use crate::config::Output;
+use crate::config::Destination;
 use fretwork_format::Format;
 
 /// Files that a command reads or will write.
@@ -59,7 +59,7 @@ pub fn make_parent(file: &Path) -> io::Result<()> {
 /// report, with their suffixes. `taken` has the files that the command reads.
 pub fn check(
     inputs: &[PathBuf],
-    output: &Output,
+    output: &Destination,
     others: &[(Option<&PathBuf>, &str)],
     mut taken: Taken,
 ) -> Result<(), Error> {

@@ -10,7 +10,7 @@ use super::run::{read, write_file};
 use crate::config::Report;
 use crate::http::report_page;
 use fretwork_engine::outcome::Quantity;
-use fretwork_format::report::{About, Entry, MOST, content};
+use fretwork_format::report::{About, MOST, ReportedResult, content};
 use fretwork_measured::{Prepare, Wanted};
 
 /// Writes the report of one result, or a comparison of several runs.
@@ -33,7 +33,7 @@ pub fn report(settings: &Report) -> Result<(), Error> {
         let label = file.file_stem().filter(|_| settings.files.len() > 1);
         let label = label.map(|name| name.to_string_lossy().into_owned());
         let about = About { label, ..About::default() };
-        let entry = Entry::read(&read(file)?, &about, engineering, settings.files.len());
+        let entry = ReportedResult::read(&read(file)?, &about, engineering, settings.files.len());
         entry.map_err(|error| {
             let file = file.display();
             Error::from(format!(

@@ -12,11 +12,11 @@ use super::parts;
 use super::places::{self, inside};
 use super::printing::{Ended, Error, Progress, print, print_error, shown};
 use super::study;
-use crate::config::{Change, Output, Run};
+use crate::config::{Destination, Run, ScenarioChange};
 use crate::http::report_page;
 use fretwork_engine::outcome::Quantity;
 use fretwork_engine::request::fault::Faults;
-use fretwork_format::report::{self, About, Entry};
+use fretwork_format::report::{self, About, ReportedResult};
 use fretwork_format::{self as format, Format, Part, View};
 use fretwork_job::{Answer, Prepared, Submission, Task, TaskKind, clock};
 use fretwork_json::BadBody;
@@ -86,7 +86,7 @@ fn finish(
             version: Some(env!("CARGO_PKG_VERSION").to_owned()),
             warnings: json!(job.prepared.warnings()),
         };
-        let entry = Entry::read(&answer.body, &about, true, 1)?;
+        let entry = ReportedResult::read(&answer.body, &about, true, 1)?;
         let page = report_page(&report::content(&[entry], true, &[])?);
         write_file(&inside(report, file, "html"), page.as_bytes())?;
     }
@@ -125,7 +125,7 @@ pub fn listed(files: &[PathBuf]) -> Result<Vec<PathBuf>, Error> {
 }
 
 /// Reads a job body. A scenario alone becomes a job. Makes the changes of the scenario.
-pub fn read_job(file: &Path, change: &Change) -> Result<Vec<u8>, Error> {
+pub fn read_job(file: &Path, change: &ScenarioChange) -> Result<Vec<u8>, Error> {
     let text = read_json(file)?;
     // The parser of jobs reports what is not JSON, and repeated members.
     let Ok(mut body) = serde_json::from_slice::<Value>(&text) else { return Ok(text) };
@@ -199,7 +199,7 @@ pub fn compute(prepared: &Prepared) -> Result<(Answer, Duration), Error> {
 pub fn write_result(
     result: &[u8],
     kind: TaskKind,
-    output: &Output,
+    output: &Destination,
     input: &Path,
 ) -> Result<(), Error> {
     let format = output.format()?;
@@ -222,7 +222,7 @@ pub fn write_result(
 
 /// The units of a result, and what a run says of its unworn contact.
 #[derive(Deserialize)]
-struct Units {
+struct ResultSummary {
     units: Value,
     #[serde(default)]
     unworn: Value,
@@ -234,7 +234,7 @@ fn summarise(job: &Submission, answer: &Answer, time: Duration) -> Result<(), Er
     let label = job.label.as_deref().unwrap_or("computed");
     writeln!(err, "{label} ({:.1} ms)", time.as_secs_f64() * 1e3)?;
     // The result of a study can be large, so only its units are kept.
-    let Units { units, unworn } = serde_json::from_slice(&answer.body)?;
+    let ResultSummary { units, unworn } = serde_json::from_slice(&answer.body)?;
     // A line contact has no tangential modulus.
     let is_line = unworn.get("tangential_modulus").is_some_and(Value::is_null);
     let numbers = || answer.summary.as_object().into_iter().flatten();

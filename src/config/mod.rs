@@ -22,7 +22,7 @@ pub use fit::Fit;
 pub use keys::{AddKey, Keys};
 pub use remote::{Evaluate, Get, List, OneJob, Remote, Submit};
 pub use report::Report;
-pub use run::{Change, Output, Part, Run};
+pub use run::{Destination, Run, ScenarioChange, StudyPart};
 pub use server::{Serve, described};
 pub use worker::Worker;
 

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::run::{Change, Output};
+use super::run::{Destination, ScenarioChange};
 use super::values::resolve;
 use crate::http::Secret;
 
@@ -37,7 +37,7 @@ pub struct Submit {
     pub files: Vec<PathBuf>,
     /// The changes of the scenario.
     #[command(flatten)]
-    pub change: Change,
+    pub change: ScenarioChange,
     /// Wait until all jobs have ended.
     #[arg(long)]
     pub wait: bool,
@@ -54,7 +54,7 @@ pub struct Get {
     pub key_of_result: String,
     /// Where the result goes, and how.
     #[command(flatten)]
-    pub output: Output,
+    pub output: Destination,
     /// The server.
     #[command(flatten)]
     pub server: Remote,
@@ -92,7 +92,7 @@ pub struct Evaluate {
     pub outputs: Vec<String>,
     /// The changes of the scenario.
     #[command(flatten)]
-    pub change: Change,
+    pub change: ScenarioChange,
     /// The server.
     #[command(flatten)]
     pub server: Remote,

@@ -20,7 +20,7 @@ pub struct Run {
     pub files: Vec<PathBuf>,
     /// Compute only one of several parts of a study, such as 3/16, and keep it in the file of --store.
     #[arg(long, value_name = "PART/PARTS", requires = "store")]
-    pub part: Option<Part>,
+    pub part: Option<StudyPart>,
     /// The file of the part. If the command was killed, it continues from this file.
     #[arg(long, value_name = "FILE", requires = "part", conflicts_with_all = ["file", "plot"])]
     pub store: Option<PathBuf>,
@@ -29,10 +29,10 @@ pub struct Run {
     pub join: Option<Vec<PathBuf>>,
     /// The changes of the scenario.
     #[command(flatten)]
-    pub change: Change,
+    pub change: ScenarioChange,
     /// Where the result goes, and how.
     #[command(flatten)]
-    pub output: Output,
+    pub output: Destination,
     /// Also draw a figure to this SVG file. With several input files, a directory.
     #[arg(long, value_name = "FIGURE.svg", value_parser = file_name)]
     pub plot: Option<PathBuf>,
@@ -47,20 +47,20 @@ pub struct Run {
 
 /// A part of a study.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Part {
+pub struct StudyPart {
     /// The number of the part, from 1.
     pub number: usize,
     /// The number of all parts.
     pub of: usize,
 }
 
-impl fmt::Display for Part {
+impl fmt::Display for StudyPart {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}/{}", self.number, self.of)
     }
 }
 
-impl FromStr for Part {
+impl FromStr for StudyPart {
     type Err = &'static str;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
@@ -74,7 +74,7 @@ impl FromStr for Part {
 
 /// The changes of a scenario.
 #[derive(Debug, Args)]
-pub struct Change {
+pub struct ScenarioChange {
     /// Change a member of the scenario, such as /friction=0.6 or "/motion/amplitude=3 um"; may be repeated.
     #[arg(long, value_name = "POINTER=VALUE", value_parser = change)]
     pub set: Vec<(String, Value)>,
@@ -82,7 +82,7 @@ pub struct Change {
 
 /// Where a result goes, and how.
 #[derive(Debug, Args)]
-pub struct Output {
+pub struct Destination {
     /// The format: json and npz hold the whole result; csv, ndjson and arrow hold the history, or the table of a study
     /// [default: the suffix of the output file, or json].
     #[arg(long, value_parser = one_of(&Format::ALL, |format| format.name()))]
@@ -95,7 +95,7 @@ pub struct Output {
     pub units: String,
 }
 
-impl Output {
+impl Destination {
     /// The format of the result.
     pub fn format(&self) -> Result<Format, String> {
         let Some(file) = self.file.as_deref().filter(|file| !file.is_dir()) else {

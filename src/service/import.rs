@@ -21,7 +21,7 @@ use super::stopwatch::Stopwatch;
 use fretwork_format as format;
 use fretwork_job::{Key, Received, Refused, Verified};
 use fretwork_random::Stream;
-use fretwork_store::{Accepted, Entry, Imported, Importer, Moving, Place};
+use fretwork_store::{Accepted, Imported, Importer, Moving, Place, UntrustedResult};
 
 /// Maximum number of results per thread that are read in advance.
 const AHEAD: usize = 3;
@@ -90,7 +90,7 @@ struct Settled {
 
 /// The state that the threads share.
 struct Verifier {
-    queued: Mutex<mpsc::Receiver<Entry>>,
+    queued: Mutex<mpsc::Receiver<UntrustedResult>>,
     /// Sends the outcomes. It is closed when the import has failed.
     done: UnboundedSender<Settled>,
     limit: Duration,
@@ -102,7 +102,9 @@ struct Verifier {
 
 impl Verifier {
     /// Starts the threads.
-    fn start(limit: Duration) -> (Arc<Self>, mpsc::Sender<Entry>, UnboundedReceiver<Settled>) {
+    fn start(
+        limit: Duration,
+    ) -> (Arc<Self>, mpsc::Sender<UntrustedResult>, UnboundedReceiver<Settled>) {
         let (queue, entries) = mpsc::channel();
         let (done, verified) = unbounded_channel();
         let queued = Mutex::new(entries);
@@ -135,11 +137,11 @@ impl Verifier {
         }
     }
 
-    fn next(&self) -> Option<Entry> {
+    fn next(&self) -> Option<UntrustedResult> {
         self.queued.lock().recv().ok().filter(|_| !self.done.is_closed())
     }
 
-    fn verify(&self, entry: Entry) -> Result<Accepted, String> {
+    fn verify(&self, entry: UntrustedResult) -> Result<Accepted, String> {
         let received = Received::read(&entry.key, &entry.body).map_err(|why| why.to_string())?;
         let verified = self.compute(&received, &entry.body).map_err(|why| why.to_string())?;
         if verified != Verified::All {

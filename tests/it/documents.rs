@@ -43,7 +43,7 @@ fn read(path: &str) -> Document {
 }
 
 /// The paths of all files below these directories, relative to the repository.
-fn files(directories: &[&str]) -> Vec<String> {
+pub(crate) fn files(directories: &[&str]) -> Vec<String> {
     let mut waiting: Vec<PathBuf> = directories.iter().map(|name| root().join(name)).collect();
     let mut found = Vec::new();
     while let Some(path) = waiting.pop() {
@@ -58,7 +58,7 @@ fn files(directories: &[&str]) -> Vec<String> {
 }
 
 /// What follows the last dot of the name of a file.
-fn suffix(path: &str) -> Option<&str> {
+pub(crate) fn suffix(path: &str) -> Option<&str> {
     Path::new(path).extension()?.to_str()
 }
 

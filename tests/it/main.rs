@@ -57,6 +57,7 @@ mod measurements;
 mod metrics;
 mod mistakes;
 mod moving;
+mod names;
 mod nodes;
 mod openapi;
 mod parts;

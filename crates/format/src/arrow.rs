@@ -11,7 +11,7 @@ use arrow_schema::{DataType, Field, Schema};
 use super::document::Head;
 use super::error::Result;
 use super::out::Out;
-use super::table::{Table, Values};
+use super::table::{PartTable, Values};
 use super::units::fits_single;
 use super::view::View;
 
@@ -22,7 +22,7 @@ const BATCH: usize = 1 << 16;
 ///
 /// Names are plain: the metadata of a column hold its unit, and the metadata of the table hold the key,
 /// the engine and all units. Infinite and undefined numbers are null.
-pub fn table(out: &mut Out<'_>, head: &Head, table: &Table, view: &View) -> Result<()> {
+pub fn table(out: &mut Out<'_>, head: &Head, table: &PartTable, view: &View) -> Result<()> {
     let single: Vec<bool> = table
         .columns
         .iter()

@@ -6,11 +6,11 @@ use std::iter;
 use super::document::Head;
 use super::error::Result;
 use super::out::Out;
-use super::table::{Cell, Table};
+use super::table::{Cell, PartTable};
 use super::view::View;
 
 /// Writes a table as CSV. Infinite and undefined numbers are empty cells.
-pub fn table(out: &mut Out<'_>, head: &Head, table: &Table, view: &View) -> Result<()> {
+pub fn table(out: &mut Out<'_>, head: &Head, table: &PartTable, view: &View) -> Result<()> {
     let Head { units, key, engine_text, .. } = head;
     if !view.without_comments {
         let system = if view.engineering { "engineering" } else { "SI" };

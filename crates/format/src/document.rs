@@ -9,7 +9,7 @@ use serde_json::value::RawValue;
 
 use super::error::{Error, Result};
 use super::kind::Part;
-use super::table::Table;
+use super::table::PartTable;
 use super::units::Units;
 use super::view::View;
 use fretwork_job::TaskKind;
@@ -18,13 +18,13 @@ use fretwork_study::Kind;
 
 /// The engine that computed a result.
 #[derive(Debug, Deserialize)]
-pub struct Engine {
+pub struct DocumentEngine {
     name: String,
     /// The version of the numbers.
     pub numerics: u32,
 }
 
-impl fmt::Display for Engine {
+impl fmt::Display for DocumentEngine {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}/{}", self.name, self.numerics)
     }
@@ -42,7 +42,7 @@ pub enum Member {
     /// The member `units`.
     Units(Units),
     /// A table, cut to the selection.
-    Table(Table),
+    Table(PartTable),
 }
 
 /// The members of a document in the form and the order in which they are written.
@@ -61,7 +61,7 @@ pub struct Head {
     /// The member `engine`.
     pub engine_text: Box<RawValue>,
     /// The member `engine`, parsed.
-    pub engine: Engine,
+    pub engine: DocumentEngine,
     /// Units and rounding of all numbers.
     pub units: Units,
 }
@@ -118,24 +118,24 @@ impl<'a> Document<'a> {
     }
 
     /// The rows of all points of a study, converted.
-    pub fn rows(&self, kind: &Kind) -> Result<Table> {
+    pub fn rows(&self, kind: &Kind) -> Result<PartTable> {
         self.read(Part::Table, self.members.get(kind.rows), &View::default())
     }
 
     /// The rows of all points of a study in SI, unrounded.
-    pub fn rows_in_si(&self, kind: &Kind) -> Result<Table> {
+    pub fn rows_in_si(&self, kind: &Kind) -> Result<PartTable> {
         let text = self.members.get(kind.rows);
-        Table::read(Part::Table, text, &self.head.units, &View::default())
+        PartTable::read(Part::Table, text, &self.head.units, &View::default())
     }
 
     /// A table, cut to a selection and converted.
-    pub fn table(&self, part: Part, selection: &View) -> Result<Table> {
+    pub fn table(&self, part: Part, selection: &View) -> Result<PartTable> {
         self.must_have(part)?;
         self.read(part, self.members.get(part.name()), selection)
     }
 
-    fn read(&self, part: Part, text: Option<&RawValue>, selection: &View) -> Result<Table> {
-        let mut table = Table::read(part, text, &self.head.units, selection)?;
+    fn read(&self, part: Part, text: Option<&RawValue>, selection: &View) -> Result<PartTable> {
+        let mut table = PartTable::read(part, text, &self.head.units, selection)?;
         table.convert(&self.head.units);
         Ok(table)
     }

@@ -8,7 +8,7 @@ use serde::{Serialize, Serializer};
 use super::document::{Head, Object};
 use super::error::Result;
 use super::out::Out;
-use super::table::Table;
+use super::table::PartTable;
 
 /// Writes a whole document.
 pub fn whole(out: &mut Out<'_>, object: &Object) -> Result<()> {
@@ -16,13 +16,13 @@ pub fn whole(out: &mut Out<'_>, object: &Object) -> Result<()> {
 }
 
 /// Writes a table with one array per column, as the document has it.
-pub fn columns(out: &mut Out<'_>, head: &Head, table: &Table) -> Result<()> {
+pub fn columns(out: &mut Out<'_>, head: &Head, table: &PartTable) -> Result<()> {
     framed(out, head, table.part.name(), table)
 }
 
 /// Writes a table as a list of rows, which spreadsheets and dashboards expect.
-pub fn records(out: &mut Out<'_>, head: &Head, table: &Table) -> Result<()> {
-    framed(out, head, "records", &Rows(table))
+pub fn records(out: &mut Out<'_>, head: &Head, table: &PartTable) -> Result<()> {
+    framed(out, head, "records", &JsonRows(table))
 }
 
 fn framed(out: &mut Out<'_>, head: &Head, name: &str, value: &impl Serialize) -> Result<()> {
@@ -39,7 +39,7 @@ fn framed(out: &mut Out<'_>, head: &Head, name: &str, value: &impl Serialize) ->
 ///
 /// Readers of NDJSON treat every line as a row, so there is no header line. Units are in the names, as in
 /// CSV. Each row contains the key and the engine, so that the lines of many results can be joined.
-pub fn lines(out: &mut Out<'_>, head: &Head, table: &Table) -> Result<()> {
+pub fn lines(out: &mut Out<'_>, head: &Head, table: &PartTable) -> Result<()> {
     let engine = head.engine.to_string();
     let units = &head.units;
     let names: Vec<_> = table.columns.iter().map(|(name, _)| units.header(name)).collect();
@@ -57,17 +57,17 @@ pub fn lines(out: &mut Out<'_>, head: &Head, table: &Table) -> Result<()> {
     Ok(())
 }
 
-struct Rows<'a>(&'a Table);
+struct JsonRows<'a>(&'a PartTable);
 
-impl Serialize for Rows<'_> {
+impl Serialize for JsonRows<'_> {
     fn serialize<S: Serializer>(&self, json: S) -> Result<S::Ok, S::Error> {
-        json.collect_seq(self.0.rows().map(|row| Row(self.0, row)))
+        json.collect_seq(self.0.rows().map(|row| JsonRow(self.0, row)))
     }
 }
 
-struct Row<'a>(&'a Table, (usize, usize));
+struct JsonRow<'a>(&'a PartTable, (usize, usize));
 
-impl Serialize for Row<'_> {
+impl Serialize for JsonRow<'_> {
     fn serialize<S: Serializer>(&self, json: S) -> Result<S::Ok, S::Error> {
         let Self(table, (cycle, point)) = *self;
         json.collect_map(

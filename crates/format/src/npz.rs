@@ -12,12 +12,12 @@ use zip::{CompressionMethod, ZipWriter};
 use super::document::{Head, Member, Object};
 use super::error::Result;
 use super::out::Out;
-use super::table::{Table, Values};
+use super::table::{PartTable, Values};
 use super::units::fits_single;
 use super::view::View;
 
 /// Writes a table: one array per column under its name, and `meta` with key, engine and units as JSON.
-pub fn table(out: &mut Out<'_>, head: &Head, table: &Table, view: &View) -> Result<()> {
+pub fn table(out: &mut Out<'_>, head: &Head, table: &PartTable, view: &View) -> Result<()> {
     let mut archive = Archive::new(out, view);
     let meta = serde_json::json!({
         "key": head.key, "engine": head.engine_text, "units": head.units,
@@ -75,7 +75,7 @@ impl<'a, 'out> Archive<'a, 'out> {
         self.array(name, &format!("<U{longest}"), &[texts().count()], &data)
     }
 
-    fn table(&mut self, prefix: &str, table: &Table) -> Result<()> {
+    fn table(&mut self, prefix: &str, table: &PartTable) -> Result<()> {
         let points = table.points();
         for (name, values) in &table.columns {
             // A file name in an archive has no slash at its start.

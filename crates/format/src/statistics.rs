@@ -3,7 +3,7 @@
 use super::document::Document;
 use super::error::{Error, Result};
 use super::kind::Part;
-use super::table::{Table, Values};
+use super::table::{PartTable, Values};
 use fretwork_engine::numeric::twelve_digits;
 use fretwork_job::TaskKind;
 use fretwork_study::stats::summary::Summary;
@@ -33,10 +33,10 @@ struct Output {
 }
 
 /// The table of [`Part::Statistics`] or [`Part::Histogram`].
-pub fn table(document: &Document<'_>, part: Part) -> Result<Table> {
+pub fn table(document: &Document<'_>, part: Part) -> Result<PartTable> {
     let outputs = outputs(document, part)?;
     let columns = if part == Part::Histogram { histogram(&outputs) } else { statistics(&outputs) };
-    Ok(Table::of_outputs(part, columns))
+    Ok(PartTable::of_outputs(part, columns))
 }
 
 /// The outputs of a study. A column whose name is a JSON pointer is a number that varies.

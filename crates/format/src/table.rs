@@ -204,7 +204,7 @@ fn axes(part: Part, members: &Members<'_>) -> &'static [&'static str] {
 
 /// A table.
 #[derive(Debug)]
-pub struct Table {
+pub struct PartTable {
     /// The part of the result to which the table belongs.
     pub part: Part,
     /// Names and numbers, in the order of the document.
@@ -213,7 +213,7 @@ pub struct Table {
     exists: bool,
 }
 
-impl Table {
+impl PartTable {
     /// Reads the selected part of a table.
     ///
     /// # Errors
@@ -384,7 +384,7 @@ fn select(members: &Members<'_>, axes: &[&str], view: &View) -> Result<Selection
     Ok(Selection { cycles: selected, points, radii, rows: view.rows.unwrap_or(usize::MAX) })
 }
 
-impl Serialize for Table {
+impl Serialize for PartTable {
     fn serialize<S: Serializer>(&self, json: S) -> Result<S::Ok, S::Error> {
         if !self.exists {
             return json.serialize_none();

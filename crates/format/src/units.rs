@@ -64,13 +64,13 @@ pub fn fits_single(digits: Option<u8>, numbers: impl IntoIterator<Item = f64>) -
 
 /// Name, SI unit and engineering unit of a quantity.
 #[derive(Clone)]
-struct Entry {
+struct UnitPair {
     quantity: String,
     si: String,
     engineering: Option<Unit>,
 }
 
-impl Entry {
+impl UnitPair {
     fn unit(&self) -> &str {
         self.engineering.map_or(&self.si, |unit| unit.name)
     }
@@ -79,7 +79,7 @@ impl Entry {
 /// The units of all quantities of a document, and the conversion of their numbers.
 #[derive(Clone, Default)]
 pub struct Units {
-    entries: Vec<Entry>,
+    entries: Vec<UnitPair>,
     digits: Option<u8>,
     /// Whether a change of units or rounding changes some numbers.
     pub convert: bool,
@@ -91,14 +91,14 @@ impl Units {
         let entry = |(quantity, text): (Cow<'_, str>, &serde_json::value::RawValue)| {
             let si: String = serde_json::from_str(text.get())?;
             let engineering = view.engineering.then(|| Unit::engineering(&si)).flatten();
-            Ok(Entry { quantity: quantity.into_owned(), si, engineering })
+            Ok(UnitPair { quantity: quantity.into_owned(), si, engineering })
         };
         let entries = si.0.into_iter().map(entry).collect::<Result<_, serde_json::Error>>()?;
         let convert = view.engineering || view.digits.is_some();
         Ok(Self { entries, digits: view.digits, convert })
     }
 
-    fn find(&self, quantity: &str) -> Option<&Entry> {
+    fn find(&self, quantity: &str) -> Option<&UnitPair> {
         self.entries.iter().find(|entry| entry.quantity == quantity)
     }
 
@@ -109,7 +109,7 @@ impl Units {
 
     /// The unit of a quantity, or `None` for plain numbers.
     pub fn of(&self, quantity: &str) -> Option<&str> {
-        self.find(quantity).map(Entry::unit).filter(|unit| *unit != "1")
+        self.find(quantity).map(UnitPair::unit).filter(|unit| *unit != "1")
     }
 
     /// The name of a column with its unit, for tables without metadata.

@@ -48,12 +48,12 @@ pub use jobs::claimed::{Claimed, Piece};
 pub use jobs::read::{Asked, Filter, LARGE, Page, StoredResult, Unfinished};
 pub use jobs::submit::{Admission, NewJob, Repeatable, Submitted};
 pub use moving::{
-    Accepted, Checked, Damage, Entry, Exported, Imported, Importer, MAX_BODY, Moving, Repaired,
-    Saved, backup, check, export, note_backup, repair, restore,
+    Accepted, Checked, Damage, Exported, Imported, Importer, MAX_BODY, Moving, Repaired, Saved,
+    UntrustedResult, backup, check, export, note_backup, repair, restore,
 };
 pub use results::keep::{Answered, Changed, Editor, Finish, Removed};
 pub use results::library::{FromFile, Known, Note, Program, Provenance};
-pub use results::search::{Cursor, Found, Listed, Search};
+pub use results::search::{Cursor, Listed, Search, SearchPage};
 pub use team::audit::{Act, Actor, AuditEntry};
 pub use team::keys::{AccessKey, NewKey, Role, digest};
 pub use team::sessions::SignedIn;

@@ -9,7 +9,7 @@ use bytes::Bytes;
 use futures_util::stream::iter;
 use futures_util::{StreamExt as _, TryStreamExt as _};
 
-use crate::database::change::{Change, Shared, Verb};
+use crate::database::change::{Change, SharedVerb, Verb};
 use crate::database::error::{Command, Doing, Error, Result};
 use crate::database::options::{FileSizes, Options, Recovered};
 use crate::database::place::Place;
@@ -25,7 +25,7 @@ use crate::jobs::read::{self, Asked, Filter, LARGE, Page, StoredResult, Unfinish
 use crate::jobs::submit::{Admission, NewJob, Submitted};
 use crate::results::keep::{self, Answered, Changed, Editor, Finish, PinQuota, Removed};
 use crate::results::library::{Known, Provenance};
-use crate::results::search::{self, Cursor, Found, Search};
+use crate::results::search::{self, Cursor, Search, SearchPage};
 use crate::team::audit::{self, Actor, AuditEntry};
 use crate::team::keys::{self, AccessKey, NewKey};
 use crate::team::sessions::{self, SignedIn};
@@ -36,14 +36,14 @@ use fretwork_job::{Answer, Cost, FailureKind, Job, JobId, Key, Naming, Outline};
 /// The open database, as a handle that is cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Store {
-    engine: Engine,
+    engine: Backend,
     signals: Arc<Signals>,
     pin_quota: PinQuota,
 }
 
 /// The database.
 #[derive(Debug, Clone)]
-enum Engine {
+enum Backend {
     Sqlite(sqlite::Database),
     Postgres(postgres::Database),
 }
@@ -52,8 +52,8 @@ enum Engine {
 macro_rules! each {
     ($store:expr, $db:ident => $call:expr) => {
         match &$store.engine {
-            Engine::Sqlite($db) => $call,
-            Engine::Postgres($db) => $call,
+            Backend::Sqlite($db) => $call,
+            Backend::Postgres($db) => $call,
         }
     };
 }
@@ -62,8 +62,8 @@ macro_rules! each {
 macro_rules! change {
     ($store:expr, $module:ident::$verb:ident, $input:expr) => {
         match &$store.engine {
-            Engine::Sqlite(db) => Box::pin(db.write(sqlite::$module::$verb, $input)),
-            Engine::Postgres(db) => Box::pin(db.write(postgres::$module::$verb, $input)),
+            Backend::Sqlite(db) => Box::pin(db.write(sqlite::$module::$verb, $input)),
+            Backend::Postgres(db) => Box::pin(db.write(postgres::$module::$verb, $input)),
         }
     };
 }
@@ -96,7 +96,7 @@ impl Store {
         V: for<'a, 'tx> Verb<'a, Input, Change<'tx>, Answer = Answer>,
         Answer: Send + 'static,
     {
-        each!(self, db => db.write(Shared(verb), input).await)
+        each!(self, db => db.write(SharedVerb(verb), input).await)
     }
 
     /// Accepts a job. If the result is stored, the job ends at once. Otherwise it waits for the live run of its key. If
@@ -167,11 +167,11 @@ impl Store {
         });
         let answered: Vec<_> = answered.collect();
         match &self.engine {
-            Engine::Sqlite(db) => Box::pin(async {
+            Backend::Sqlite(db) => Box::pin(async {
                 let storing = iter(answered).map(|one| db.write(sqlite::runs::finish, one));
                 storing.buffered(AT_ONCE as usize).try_collect().await
             }),
-            Engine::Postgres(db) => Box::pin(db.write(postgres::runs::finish, answered)),
+            Backend::Postgres(db) => Box::pin(db.write(postgres::runs::finish, answered)),
         }
     }
 
@@ -269,7 +269,7 @@ impl Store {
             // The writer task of SQLite commits simultaneous changes together. In PostgreSQL, each change would take a
             // connection, and none would be left for other requests.
             let together =
-                if matches!(self.engine, Engine::Sqlite(_)) { AT_ONCE as usize } else { 1 };
+                if matches!(self.engine, Backend::Sqlite(_)) { AT_ONCE as usize } else { 1 };
             let mut canceled = 0;
             let mut before = JobId::generate();
             loop {
@@ -518,16 +518,16 @@ impl Store {
     /// The sizes of the database and of its log.
     pub fn file_sizes(&self) -> FileSizes {
         match &self.engine {
-            Engine::Sqlite(db) => db.file_sizes(),
-            Engine::Postgres(_) => FileSizes::default(),
+            Backend::Sqlite(db) => db.file_sizes(),
+            Backend::Postgres(_) => FileSizes::default(),
         }
     }
 
     /// The number of open connections to PostgreSQL; `None` for SQLite.
     pub fn database_connections(&self) -> Option<u64> {
         match &self.engine {
-            Engine::Sqlite(_) => None,
-            Engine::Postgres(db) => Some(db.connections()),
+            Backend::Sqlite(_) => None,
+            Backend::Postgres(db) => Some(db.connections()),
         }
     }
 
@@ -541,10 +541,10 @@ impl Store {
             let shared = Arc::clone(&signals);
             let engine = match place {
                 Place::Directory(dir) => {
-                    Engine::Sqlite(sqlite::Database::open(&dir, options, shared).await?)
+                    Backend::Sqlite(sqlite::Database::open(&dir, options, shared).await?)
                 }
                 Place::Shared(url) => {
-                    Engine::Postgres(postgres::Database::open(&url, options, shared).await?)
+                    Backend::Postgres(postgres::Database::open(&url, options, shared).await?)
                 }
             };
             let pin_quota = PinQuota::new(options.pin_quota, options.budget);
@@ -559,8 +559,8 @@ impl Store {
         search: &'a Search,
         cursor: Option<Cursor>,
         limit: u32,
-    ) -> Doing<'a, Found> {
-        Box::pin(Found::page(search, cursor, limit, self.scanning()))
+    ) -> Doing<'a, SearchPage> {
+        Box::pin(SearchPage::page(search, cursor, limit, self.scanning()))
     }
 
     /// The number of results that match.

@@ -23,7 +23,7 @@ const OUTPUT_BYTES: usize = 200;
 /// A part of a result, or the answer to a check of the scenario.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr)]
 #[deserr(error = Faults, rename_all = lowercase)]
-enum Part {
+enum EvaluationPart {
     History,
     Profiles,
     Loops,
@@ -37,7 +37,7 @@ enum Part {
 pub struct Evaluation {
     case: Case,
     outputs: Vec<Output>,
-    parts: Vec<Part>,
+    parts: Vec<EvaluationPart>,
     warnings: Vec<Warning>,
     run: Option<Run>,
     /// What a job of the scenario would compute, and the warnings about the two bodies. Only if the check is requested.
@@ -87,10 +87,13 @@ impl Evaluation {
         };
         let asked = envelope.and_then(|envelope| envelope.resolve(&scenario));
         let ((outputs, parts), prepared) = both(asked, scenario::prepare(scenario, "/scenario"))?;
-        let checked = parts.contains(&Part::Check).then(|| Box::new(prepared.clone()));
+        let checked = parts.contains(&EvaluationPart::Check).then(|| Box::new(prepared.clone()));
         let (scenario, mut case, mut warnings) = prepared;
         warnings.extend(scenario.warnings(&case));
-        if !parts.iter().any(|part| matches!(part, Part::Profiles | Part::Loops)) {
+        if !parts
+            .iter()
+            .any(|part| matches!(part, EvaluationPart::Profiles | EvaluationPart::Loops))
+        {
             case.profiles.fill(false);
         }
         if let Method::Exact { compare, .. } = &mut case.method {
@@ -100,7 +103,7 @@ impl Evaluation {
     }
 
     fn needs_run(&self) -> bool {
-        self.parts.iter().any(|part| *part != Part::Check)
+        self.parts.iter().any(|part| *part != EvaluationPart::Check)
             || self.outputs.iter().any(Output::needs_run)
     }
 
@@ -136,11 +139,11 @@ impl Evaluation {
             found.units.extend(others.map(|it| (it.name.to_owned(), it.unit.into())));
         }
         let asked = |part| parts.contains(&part);
-        found.history = asked(Part::History).then_some(outcome.history);
-        found.profiles = outcome.profiles.filter(|_| asked(Part::Profiles));
-        found.loops = outcome.loops.filter(|_| asked(Part::Loops));
-        found.events = asked(Part::Events).then_some(outcome.events);
-        found.accuracy = asked(Part::Accuracy).then_some(outcome.accuracy);
+        found.history = asked(EvaluationPart::History).then_some(outcome.history);
+        found.profiles = outcome.profiles.filter(|_| asked(EvaluationPart::Profiles));
+        found.loops = outcome.loops.filter(|_| asked(EvaluationPart::Loops));
+        found.events = asked(EvaluationPart::Events).then_some(outcome.events);
+        found.accuracy = asked(EvaluationPart::Accuracy).then_some(outcome.accuracy);
         found.warnings = outcome.warnings;
         Some(found)
     }
@@ -171,7 +174,7 @@ struct Envelope {
     #[deserr(default)]
     outputs: Given<Distinct<OutputName, MAX_OUTPUTS>>,
     #[deserr(default)]
-    parts: Given<Distinct<Part, 6>>,
+    parts: Given<Distinct<EvaluationPart, 6>>,
 }
 
 impl Envelope {
@@ -186,7 +189,7 @@ impl Envelope {
     }
 
     /// The outputs of the scenario with the requested names, and the requested parts.
-    fn resolve(self, scenario: &Value) -> Result<(Vec<Output>, Vec<Part>), Faults> {
+    fn resolve(self, scenario: &Value) -> Result<(Vec<Output>, Vec<EvaluationPart>), Faults> {
         let names = self.outputs.0.map_or_else(Vec::new, |outputs| outputs.0);
         let outputs =
             OutputName::all_among(names, scenario).map_err(|faults| faults.below("/outputs"))?;

@@ -12,7 +12,7 @@ use fretwork_engine::request::quantity::Dimension;
 use super::model::{Model, PointValues};
 use super::output::NoValue;
 use super::run::Run;
-use super::stats::derivative::{Derivative, MAX_ROUNDS, Place, derivatives};
+use super::stats::derivative::{Derivative, MAX_ROUNDS, SearchPoint, derivatives};
 
 /// Typical number of runs for each number that varies: one interval usually suffices.
 const RUNS: f64 = 17.0;
@@ -138,7 +138,7 @@ impl Jacobian {
         }
         let scale = if x == 0.0 { 1.0 } else { x.abs() };
         // The domain of the number is not known. Beyond it the scenario has faults, so the point has no values.
-        let place = Place { x, scale, low: f64::NEG_INFINITY, high: f64::INFINITY };
+        let place = SearchPoint { x, scale, low: f64::NEG_INFINITY, high: f64::INFINITY };
         let mut known = iter::once(numbers(at_point)).chain(self.around.iter().cloned());
         let values = |x: f64| known.next().ok_or(x);
         let found = derivatives(place, &at_point.accuracies, MAX_ROUNDS, values)?;

@@ -16,7 +16,7 @@ use std::sync::LazyLock;
 use deserr::{Deserr, IntoValue, Value, ValuePointerRef};
 use fretwork_engine::case::Case;
 use fretwork_engine::outcome::{
-    self, ContactScales, EVENTS, History, LimitState, Member, Outcome, Preview, Unworn,
+    self, ContactScales, EVENTS, History, LimitState, Outcome, Preview, SectionMember, Unworn,
 };
 use fretwork_engine::request::fault::{Faults, unknown};
 use fretwork_engine::request::instants::{Cycles, Measure};
@@ -49,7 +49,7 @@ const BY_EDGE: [(&str, f64); 4] = [
 
 /// A scalar of a result, at any output cycle.
 #[derive(Debug, PartialEq)]
-struct Quantity {
+struct ScalarQuantity {
     name: Box<str>,
     /// The name without the name of the section.
     column: &'static str,
@@ -67,17 +67,17 @@ enum Source {
 }
 
 /// All quantities. A quantity of a section is named `section.member`, except the columns of the history.
-static QUANTITIES: LazyLock<Vec<Quantity>> = LazyLock::new(|| {
-    let section = |section: &str, members: &[Member], source: fn(usize) -> Source| {
+static QUANTITIES: LazyLock<Vec<ScalarQuantity>> = LazyLock::new(|| {
+    let section = |section: &str, members: &[SectionMember], source: fn(usize) -> Source| {
         let named = members.iter().enumerate().map(|(place, member)| {
             let name = [section, member.name].concat();
-            Quantity { name: name.into(), column: member.name, source: source(place) }
+            ScalarQuantity { name: name.into(), column: member.name, source: source(place) }
         });
         named.collect::<Vec<_>>()
     };
     let events = EVENTS.iter().map(|(kind, _)| {
         let name = format!("events.{}", json!(kind).as_str().unwrap_or_default());
-        Quantity { name: name.into(), column: "", source: Source::Event(*kind) }
+        ScalarQuantity { name: name.into(), column: "", source: Source::Event(*kind) }
     });
     let sections = [
         section("", History::MEMBERS, Source::Column),
@@ -92,7 +92,7 @@ static QUANTITIES: LazyLock<Vec<Quantity>> = LazyLock::new(|| {
 #[derive(Debug, Clone, PartialEq)]
 pub struct OutputName {
     text: Box<str>,
-    quantity: &'static Quantity,
+    quantity: &'static ScalarQuantity,
     /// The index in the text at which the output cycle begins, if the name has one.
     cycle: Option<usize>,
 }
@@ -101,7 +101,7 @@ pub struct OutputName {
 #[derive(Debug, Clone)]
 pub struct Output {
     name: Box<str>,
-    quantity: &'static Quantity,
+    quantity: &'static ScalarQuantity,
     /// The row of the history; `None` for the last one.
     row: Option<usize>,
 }

@@ -299,9 +299,9 @@ pub trait Plan: fmt::Debug + Send + Sync {
 #[derive(Debug, Default)]
 pub struct Findings {
     /// Remarks for readers of the study; `None` if the kind has no notes.
-    pub notes: Option<Vec<Note>>,
+    pub notes: Option<Vec<OutputNote>>,
     /// Tables, by the names of their members in the document.
-    pub tables: Vec<(&'static str, Table)>,
+    pub tables: Vec<(&'static str, NamedCells)>,
     /// Other members of the document.
     pub others: Vec<(&'static str, Value)>,
     /// Additional columns at the end of the table of rows: their names, and their cells as JSON, separated by commas.
@@ -309,7 +309,7 @@ pub struct Findings {
 }
 
 /// The columns of a table, with their names.
-pub type Table = Vec<(&'static str, Cells)>;
+pub type NamedCells = Vec<(&'static str, Cells)>;
 
 /// The cells of a column.
 #[derive(Debug)]
@@ -322,7 +322,7 @@ pub enum Cells {
 
 /// A remark about an output.
 #[derive(Debug, Serialize)]
-pub struct Note {
+pub struct OutputNote {
     /// The name of the output.
     pub output: String,
     /// The text of the remark.
@@ -342,7 +342,7 @@ impl Findings {
             }
         };
         let notes = self.notes.iter().map(|notes| ("notes", json!(notes)));
-        let table = |(name, columns): &(&'static str, Table)| {
+        let table = |(name, columns): &(&'static str, NamedCells)| {
             let columns = columns.iter().map(|(name, own)| ((*name).to_owned(), cells(own)));
             (*name, Value::Object(columns.collect()))
         };

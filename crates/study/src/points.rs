@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::plan::Tried;
 use super::problem::Lack;
 use super::rows::Rows;
-use super::study::{Point, Study};
+use super::study::{PointRun, Study};
 
 /// Why a point has no row.
 const PANICKED: &str =
@@ -20,7 +20,7 @@ pub struct Points {
     /// The points that have no row yet.
     rest: Range<usize>,
     all: usize,
-    point: Point,
+    point: PointRun,
     rows: Rows,
     /// The rows of earlier stages, if other chunks have computed them.
     earlier: Option<Rows>,
@@ -40,7 +40,7 @@ impl Points {
             study,
             all: points.len(),
             rest: points,
-            point: Point::default(),
+            point: PointRun::default(),
             rows: Rows::default(),
             earlier: (chunks > 1).then_some(earlier),
         }
@@ -65,7 +65,7 @@ impl Points {
             .unwrap_or_else(|_| Some(study.lacks_all(number, Lack::Refused(PANICKED.to_owned()))));
         if let Some(Tried { values, found }) = row {
             self.rows.push(&values, &found);
-            self.point = Point::default();
+            self.point = PointRun::default();
             self.rest.start += 1;
         }
         None

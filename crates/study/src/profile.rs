@@ -29,7 +29,7 @@ words! {
 /// The member `profiles` of a sweep.
 #[derive(Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
-struct Request {
+struct ProfileBody {
     radius: Value,
     #[deserr(default)]
     fields: Given<Distinct<Field, 4>>,
@@ -71,7 +71,7 @@ impl CommonProfiles {
     /// # Errors
     /// All faults, with pointers relative to `profiles`.
     pub fn read(profiles: Value) -> Result<Self, Faults> {
-        let Request { radius, fields } = typed(profiles)?;
+        let ProfileBody { radius, fields } = typed(profiles)?;
         let radii = vary::list_or_range(radius, Dimension::Length)
             .map_err(|faults| faults.below("/radius"))?;
         let wrong = |detail: String| Err(Faults::one("/radius", detail));

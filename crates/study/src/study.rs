@@ -54,12 +54,12 @@ pub struct Study {
 
 /// The computation of one point.
 #[derive(Debug, Default)]
-pub(super) struct Point {
+pub(super) struct PointRun {
     tried: Vec<Tried>,
     running: Option<(Vec<f64>, Run)>,
 }
 
-impl Point {
+impl PointRun {
     /// Continues for at most about 30 ms. `end` returns the outcome from all runs so far, or the values of the run that
     /// it needs next.
     pub(super) fn step<T>(
@@ -146,7 +146,12 @@ impl Study {
     }
 
     /// Continues to compute a point for at most about 30 ms. Returns its row when it is known.
-    pub(super) fn step(&self, number: usize, earlier: &Rows, point: &mut Point) -> Option<Tried> {
+    pub(super) fn step(
+        &self,
+        number: usize,
+        earlier: &Rows,
+        point: &mut PointRun,
+    ) -> Option<Tried> {
         point.step(&*self.plan, &self.problem, |tried| {
             self.plan.row(&self.problem, number, earlier, tried)
         })

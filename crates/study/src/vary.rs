@@ -274,10 +274,11 @@ fn list_of(list: &[Value], member: &Member) -> Result<Vec<f64>, Faults> {
 }
 
 /// A form in which clients write a distribution: its name, its parameters, and the function that builds it from them.
-type Form = (&'static str, &'static [&'static str], fn(&[f64]) -> Result<Distribution, Fault>);
+type DistributionForm =
+    (&'static str, &'static [&'static str], fn(&[f64]) -> Result<Distribution, Fault>);
 
 /// All forms. `lognormal` has two: the first one applies if its first parameter is given.
-const FORMS: [Form; 6] = [
+const FORMS: [DistributionForm; 6] = [
     ("uniform", &["low", "high"], |p| Distribution::uniform(p[0], p[1])),
     ("log_uniform", &["low", "high"], |p| Distribution::log_uniform(p[0], p[1])),
     ("normal", &["mean", "standard_deviation"], |p| Distribution::normal(p[0], p[1])),

@@ -81,12 +81,12 @@ impl Derivative {
 }
 
 /// The parameters and the outputs that a query names; `None` means all.
-struct Wanted {
+struct WantedEntries {
     parameters: Option<Vec<String>>,
     outputs: Option<Vec<OutputName>>,
 }
 
-impl Wanted {
+impl WantedEntries {
     fn read(mut query: Query) -> Result<Self> {
         let list = |text: String| -> Vec<String> {
             text.split(',').map(|item| item.trim().to_owned()).collect()
@@ -170,7 +170,7 @@ impl From<Unable> for Problem {
     ),
 )]
 pub async fn derivatives(app: App, caller: Caller, key: Segment, query: Query) -> Result<Response> {
-    let wanted = Wanted::read(query)?;
+    let wanted = WantedEntries::read(query)?;
     let key = read_key(&key)?;
     let known = app.store.known(&key).await?.ok_or_else(unknown)?;
     if known.asked.kind != TaskKind::Run {

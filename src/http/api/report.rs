@@ -15,7 +15,7 @@ use crate::http::app::App;
 use crate::http::dashboard::report::{page, policy};
 use crate::http::problem::{Problem, Result, kinds};
 use crate::http::wire::{Query, Segment, instant, read_key, schemas};
-use fretwork_format::report::{About, Entry, MOST, content};
+use fretwork_format::report::{About, MOST, ReportedResult, content};
 use fretwork_job::{JobId, Key};
 use fretwork_store::Filter;
 
@@ -60,7 +60,7 @@ pub async fn report(app: App, caller: Caller, key: Segment, mut query: Query) ->
         let about = about(&app, &caller, &key, job.filter(|_| key == first)).await?;
         let result = document(&app, &caller, &key).await?;
         // Only one result is in memory at a time: what the report has of it is bounded.
-        let read = move || Entry::read(&result, &about, engineering, count);
+        let read = move || ReportedResult::read(&result, &about, engineering, count);
         let entry = task::spawn_blocking(read).await.map_err(Problem::bug)?;
         entries.push(entry.map_err(|error| refused(&key, error))?);
     }

@@ -10,9 +10,9 @@ use crate::http::problem::{Problem, Result, kinds};
 use crate::http::wire::NoQuery;
 
 /// The answer to signing in and out.
-type Answer = (StatusCode, [(HeaderName, String); 2]);
+type SessionAnswer = (StatusCode, [(HeaderName, String); 2]);
 
-fn answer(request: &Request, token: Option<&str>) -> Answer {
+fn answer(request: &Request, token: Option<&str>) -> SessionAnswer {
     let private = (header::CACHE_CONTROL, "no-store".to_owned());
     (StatusCode::NO_CONTENT, [set_cookie(request, token), private])
 }
@@ -26,7 +26,7 @@ fn answer(request: &Request, token: Option<&str>) -> Answer {
     (status = 204, description = "The browser is signed in.",
         headers(("Set-Cookie" = String, description = "The cookie."))),
 ))]
-pub async fn sign_in(app: App, _: NoQuery, request: Request) -> Result<Answer> {
+pub async fn sign_in(app: App, _: NoQuery, request: Request) -> Result<SessionAnswer> {
     if Site::of(&request) == Site::Other {
         let detail = "A web page of another origin cannot sign in.";
         return Err(Problem::new(&kinds::CROSS_SITE, detail));
@@ -51,7 +51,7 @@ pub async fn sign_in(app: App, _: NoQuery, request: Request) -> Result<Answer> {
 #[utoipa::path(delete, path = "/v1/session", operation_id = "sign_out", tag = "system", responses(
     (status = 204, description = "The session has ended."),
 ))]
-pub async fn sign_out(app: App, _: NoQuery, request: Request) -> Result<Answer> {
+pub async fn sign_out(app: App, _: NoQuery, request: Request) -> Result<SessionAnswer> {
     if let Some(token) = token(&request)? {
         app.store.end_session(&token).await?;
     }

@@ -60,7 +60,7 @@ struct Slot {
 /// A cache of encoded answers by name. When it is full, it evicts the least used answers. A name begins with the key of
 /// the result.
 pub struct Memory {
-    cache: Cache<String, Encoded, Size>,
+    cache: Cache<String, Encoded, EncodedSize>,
     /// Answers that are being made or sent.
     slots: Mutex<HashMap<String, Weak<Slot>>>,
     /// Wakes requests that wait for an answer which another request makes.
@@ -83,9 +83,9 @@ pub enum Lookup {
 }
 
 #[derive(Debug, Clone)]
-struct Size;
+struct EncodedSize;
 
-impl Weighter<String, Encoded> for Size {
+impl Weighter<String, Encoded> for EncodedSize {
     fn weight(&self, name: &String, answer: &Encoded) -> u64 {
         /// Approximate size of an entry without its name and body, in bytes.
         const OVERHEAD: usize = 128;
@@ -125,7 +125,7 @@ impl Memory {
             .expect("the options are complete");
         let (hash, life) = (DefaultHashBuilder::default(), DefaultLifecycle::default());
         Self {
-            cache: Cache::with_options(options, Size, hash, life),
+            cache: Cache::with_options(options, EncodedSize, hash, life),
             slots: Mutex::default(),
             finished: Notify::new(),
         }

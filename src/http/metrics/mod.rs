@@ -46,9 +46,9 @@ pub struct Measurements {
 }
 
 /// A metric that is measured when a client requests the metrics: name, unit, help and value.
-type Measured = (&'static str, Option<Unit>, &'static str, fn(&Measurements) -> Option<f64>);
+type MeasuredMetric = (&'static str, Option<Unit>, &'static str, fn(&Measurements) -> Option<f64>);
 
-const MEASURED: [Measured; 6] = [
+const MEASURED: [MeasuredMetric; 6] = [
     ("queue_oldest", Some(Unit::Seconds), "Waiting time of the oldest queued run", |measured| {
         measured.longest_wait.map(|wait| wait.as_secs_f64())
     }),

@@ -140,7 +140,7 @@ impl Serialize for ResultUnits {
 
 /// A number of a section of a result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Member {
+pub struct SectionMember {
     /// The name of the quantity.
     pub name: &'static str,
     /// The meaning of the quantity in this section.
@@ -158,8 +158,8 @@ macro_rules! section {
 
         impl $name {
             /// Its numbers, in the order of the JSON.
-            pub const MEMBERS: &[Member] =
-                &[$(Member { name: stringify!($member), meaning: $meaning }),+];
+            pub const MEMBERS: &[SectionMember] =
+                &[$(SectionMember { name: stringify!($member), meaning: $meaning }),+];
 
             /// The values of [`Self::MEMBERS`].
             #[must_use]

@@ -14,8 +14,8 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 pub use self::columns::{
-    ContactScales, History, LINE_WORDS, LimitState, Member, QUANTITIES, Quantity, ResultUnits,
-    SECTION_WORDS, SPECIAL_WORDS, Unworn, words_in,
+    ContactScales, History, LINE_WORDS, LimitState, QUANTITIES, Quantity, ResultUnits,
+    SECTION_WORDS, SPECIAL_WORDS, SectionMember, Unworn, words_in,
 };
 pub use self::condition::Condition;
 use crate::case::{Case, Outputs};

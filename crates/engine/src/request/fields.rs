@@ -88,7 +88,7 @@ pub(super) fn within(
 }
 
 /// A number in SI units within a range.
-pub trait Quantity {
+pub trait RangedQuantity {
     /// The dimension of its units.
     const DIMENSION: Dimension;
     /// Smallest and largest accepted value in SI.
@@ -132,7 +132,7 @@ macro_rules! quantities {
             pub const RANGE: (f64, f64) = $range;
         }
 
-        impl Quantity for $name {
+        impl RangedQuantity for $name {
             const DIMENSION: Dimension = Dimension::$dimension;
             const RANGE: (f64, f64) = $range;
         }
@@ -229,7 +229,7 @@ impl<T: Deserr<Faults> + Into<f64>> Deserr<Faults> for Rounded<T> {
 }
 
 /// A quantity of a contact that a line contact can also state per length.
-pub trait PerLength: Quantity {
+pub trait PerLength: RangedQuantity {
     /// The dimension of the quantity per length.
     const PER_LENGTH: Dimension;
 }

@@ -93,8 +93,8 @@ pub enum MotionHeld {
 
 /// A number of cycles with one held motion, which is 0 for a contact at rest.
 #[derive(Debug, Clone, Copy, PartialEq, Deserr, Serialize)]
-#[deserr(error = Faults, deny_unknown_fields, validate = Block::validate -> Faults)]
-pub struct Block {
+#[deserr(error = Faults, deny_unknown_fields, validate = BlockInput::validate -> Faults)]
+pub struct BlockInput {
     /// Amplitude U.
     #[deserr(default)]
     #[serde(skip_serializing_if = "Given::is_absent")]
@@ -111,7 +111,7 @@ pub struct Block {
     pub cycles: Rounded<BlockCycles>,
 }
 
-impl Block {
+impl BlockInput {
     fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
         let mut names = self.given().into_iter().flatten().map(|(name, _)| name);
         let (member, detail) = match (names.next(), names.next()) {
@@ -156,11 +156,11 @@ impl Block {
 
 /// The blocks of a motion, all of the same kind.
 #[derive(Debug, Clone, PartialEq, Deserr)]
-#[deserr(error = Faults, from(List<Block, 1, MAX_BLOCKS>) = Blocks::from, validate = Blocks::validate -> Faults)]
-pub struct Blocks(pub Vec<Block>);
+#[deserr(error = Faults, from(List<BlockInput, 1, MAX_BLOCKS>) = Blocks::from, validate = Blocks::validate -> Faults)]
+pub struct Blocks(pub Vec<BlockInput>);
 
 impl Blocks {
-    fn from(given: List<Block, 1, MAX_BLOCKS>) -> Self {
+    fn from(given: List<BlockInput, 1, MAX_BLOCKS>) -> Self {
         Self(given.0)
     }
 

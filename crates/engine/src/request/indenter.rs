@@ -274,9 +274,9 @@ pub(crate) const LEVEL: f64 = 1e-4;
 #[deserr(error = Faults, deny_unknown_fields, validate = TableProfile::validate -> Faults)]
 pub struct TableProfile {
     /// Radius r of each point, strictly ascending from 0, rounded to 12 digits.
-    pub radius: Column<Position>,
+    pub radius: MeasuredColumn<Position>,
     /// Height z of each point. The profile is z minus the first height.
-    pub height: Column<Height>,
+    pub height: MeasuredColumn<Height>,
     /// Whether the contact is round or a line.
     #[deserr(default)]
     #[serde(skip_serializing_if = "is_default")]
@@ -355,9 +355,9 @@ impl TableProfile {
 /// 2 to [`MAX_ROWS`] quantities in SI, rounded to 12 digits.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(transparent)]
-pub struct Column<T>(pub Vec<f64>, PhantomData<T>);
+pub struct MeasuredColumn<T>(pub Vec<f64>, PhantomData<T>);
 
-impl<T: Deserr<Faults> + Into<f64>> Deserr<Faults> for Column<T> {
+impl<T: Deserr<Faults> + Into<f64>> Deserr<Faults> for MeasuredColumn<T> {
     fn deserialize_from_value<V: IntoValue>(
         value: Value<V>,
         location: ValuePointerRef<'_>,

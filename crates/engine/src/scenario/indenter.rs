@@ -57,7 +57,7 @@ enum Form {
         radius: f64,
     },
     Flat(Flat),
-    Table(Table),
+    Table(SmoothTable),
     /// A line contact with f = height·(x/at_half_width)ⁿ.
     LinePower {
         exponent: f64,
@@ -132,7 +132,7 @@ impl Flat {
 
 /// The smooth shape through the points of a measured table.
 #[derive(Debug, Clone, PartialEq)]
-struct Table {
+struct SmoothTable {
     radius: Vec<f64>,
     shape: Arc<TableShape>,
 }
@@ -167,7 +167,7 @@ impl Form {
                 let (steepness, tip) = (libm::tan(cone.slope_angle.0), cone.flat_radius.0);
                 Self::Flat(Flat { conical: true, steepness, tip })
             }
-            Profile::Table(table) => Self::Table(Table::through(table)?),
+            Profile::Table(table) => Self::Table(SmoothTable::through(table)?),
             Profile::CrossedCylinders(cylinders) => {
                 let radius = cylinders.radii.mean();
                 Self::Power { exponent: 2.0, height: radius, at_radius: radius }
@@ -304,7 +304,7 @@ impl Indenter {
     }
 }
 
-impl Table {
+impl SmoothTable {
     fn through(profile: &TableProfile) -> Result<Self, Faults> {
         let (radius, height) = (&profile.radius.0, &profile.height.0);
         let shape = TableShape::through(radius, height, profile.geometry).map_err(|low| {

@@ -120,7 +120,7 @@ fn parts(motion: &CanonicalMotion) -> Vec<(String, Moves)> {
     match &motion.moves {
         Moves::SlidingAmplitude(_) => Vec::new(),
         Moves::Blocks(blocks) => {
-            let of_block = |(i, block): (usize, &held::Block)| {
+            let of_block = |(i, block): (usize, &held::BlockInput)| {
                 let moves = Moves::from(block);
                 (pointer(&moves, &format!("/blocks/{i}")), moves)
             };

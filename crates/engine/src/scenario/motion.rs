@@ -49,12 +49,12 @@ pub(super) enum Moves {
     SlidingAmplitude(f64),
     LoopAperture(f64),
     TangentialForce(f64),
-    Blocks(Vec<held::Block>),
+    Blocks(Vec<held::BlockInput>),
     Reversals(Vec<f64>),
 }
 
-impl From<&held::Block> for Moves {
-    fn from(block: &held::Block) -> Self {
+impl From<&held::BlockInput> for Moves {
+    fn from(block: &held::BlockInput) -> Self {
         let kind = match block.member() {
             "tangential_force" => Self::TangentialForce,
             "loop_aperture" => Self::LoopAperture,
@@ -97,7 +97,7 @@ impl CanonicalMotion {
         let mut blocks = match &self.moves {
             Moves::Blocks(blocks) if blocks.len() > 1 => {
                 let mut end = 0.0;
-                let next = |given: &held::Block| {
+                let next = |given: &held::BlockInput| {
                     end += given.cycles.0;
                     block(&given.into(), end)
                 };
@@ -205,8 +205,8 @@ impl CanonicalMotion {
 }
 
 /// The blocks, of which consecutive ones of the same motion are merged.
-pub(super) fn merged(given: &[held::Block]) -> Vec<held::Block> {
-    let mut blocks: Vec<held::Block> = Vec::new();
+pub(super) fn merged(given: &[held::BlockInput]) -> Vec<held::BlockInput> {
+    let mut blocks: Vec<held::BlockInput> = Vec::new();
     for block in given {
         match blocks.last_mut() {
             Some(last) if last.held().total_cmp(&block.held()).is_eq() => {

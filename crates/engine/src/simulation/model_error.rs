@@ -56,10 +56,11 @@ const PAIRS: [(&str, Normal, bool); 4] = [
 ];
 
 /// The table, row by row.
-static ROWS: LazyLock<Vec<Row>> = LazyLock::new(|| TABLE.lines().skip(1).map(Row::read).collect());
+static ROWS: LazyLock<Vec<TabledRun>> =
+    LazyLock::new(|| TABLE.lines().skip(1).map(TabledRun::read).collect());
 
 /// The volume of one run of the table over time.
-struct Row {
+struct TabledRun {
     /// The logarithm ln(V/V̇(0)) as a function of ln Ñ.
     curve: Monotone,
     /// The relative volume V/(V̇(0)·Ñ) at the first known time.
@@ -68,7 +69,7 @@ struct Row {
     end: Option<f64>,
 }
 
-impl Row {
+impl TabledRun {
     /// Reads a line of the table. Its first four cells contain the parameters of the row, and are skipped.
     #[expect(clippy::expect_used, reason = "a test reads the whole table")]
     fn read(line: &str) -> Self {
@@ -103,7 +104,7 @@ impl Row {
 /// The volume of the exact method, interpolated between the four nearest rows.
 struct Interpolated {
     /// Rows with their weights.
-    rows: Vec<(f64, &'static Row)>,
+    rows: Vec<(f64, &'static TabledRun)>,
     /// The time at which the run ends early, if it does.
     end: Option<f64>,
 }
@@ -125,7 +126,7 @@ impl Interpolated {
             (n + 1, c + 1, of_n * of_c),
         ];
         let row = |n, c| &ROWS[(pair * EXPONENTS.len() + n) * STICK_RATIOS.len() + c];
-        let rows: Vec<(f64, &Row)> = corners
+        let rows: Vec<(f64, &TabledRun)> = corners
             .into_iter()
             .filter(|(.., weight)| *weight > 0.0)
             .map(|(n, c, weight)| (weight, row(n, c)))
@@ -151,8 +152,9 @@ impl Interpolated {
             return None;
         }
         // If the rows end early, interpolate between volumes at equal shares of their durations.
-        let at =
-            |row: &Row| row.at(row.end.zip(self.end).map_or(time, |(own, end)| time * own / end));
+        let at = |row: &TabledRun| {
+            row.at(row.end.zip(self.end).map_or(time, |(own, end)| time * own / end))
+        };
         let mean: f64 = self.rows.iter().map(|(weight, row)| weight * at(row)).sum();
         Some(mean * time)
     }
@@ -296,7 +298,7 @@ mod tests {
                     if index % 23 == 7 {
                         assert_eq!(cells, row(pair, exponent, stick), "{name}");
                     }
-                    let known = Row::read(line);
+                    let known = TabledRun::read(line);
                     assert!(known.end.is_some() || cells.split(',').count() == 2 + TIMES.len());
                 }
             }

@@ -15,9 +15,9 @@ use fretwork_study::StudyFigure;
 const BAND: &str = "#e8eef4";
 
 /// A table of the document.
-struct Columns(Value);
+struct TableOfFit(Value);
 
-impl Columns {
+impl TableOfFit {
     fn texts(&self, name: &str) -> impl Iterator<Item = &str> {
         self.0[name].as_array().into_iter().flatten().map(|cell| cell.as_str().unwrap_or_default())
     }
@@ -34,7 +34,7 @@ impl Columns {
 
 /// The outputs that were measured; none if the document is not that of a fit.
 pub fn outputs(document: &Document<'_>) -> Result<Vec<String>> {
-    let table = Columns(document.value("table")?);
+    let table = TableOfFit(document.value("table")?);
     let mut outputs: Vec<String> = table.texts("output").map(str::to_owned).collect();
     outputs.sort();
     outputs.dedup();
@@ -59,7 +59,7 @@ pub fn measured(
         let rows = 0..table["x"].as_array().map_or(0, Vec::len);
         let test = |row| if is_own(&row) { table["test"][row].clone() } else { Value::Null };
         table["own"] = rows.map(test).collect();
-        Columns(table)
+        TableOfFit(table)
     });
     let first = table.texts("own").position(|own| !own.is_empty());
     let Some(first) = first else {
@@ -129,7 +129,7 @@ pub fn measured(
 
 /// The sum of squares over a parameter, whose column in the searches has this name. It needs the axis of the parameter.
 pub fn profile(document: &Document<'_>, parameter: &str, x: Axis) -> Result<Figure> {
-    let searches = Columns(document.value("searches")?);
+    let searches = TableOfFit(document.value("searches")?);
     let names = [parameter, "sum_of_squares"];
     let mut rows = searches.rows(("task", &format!("profile {parameter}")), names);
     rows.extend(searches.rows(("task", "minimum"), names));

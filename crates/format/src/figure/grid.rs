@@ -5,7 +5,7 @@ use serde_json::Value;
 use super::axes::{distinct, spans_decades};
 use super::choice::{MAX_CURVES, Offer};
 use super::words::{member, short, values_of};
-use crate::table::{Table, evenly_spaced};
+use crate::table::{PartTable, evenly_spaced};
 use crate::units::Units;
 use fretwork_plot::{Axis, Band, Dash, Field, Series, Style};
 
@@ -31,7 +31,7 @@ pub struct Axes {
 /// An output of a study as a function of its members.
 pub struct Surface<'a> {
     pub offer: &'a Offer,
-    pub rows: &'a Table,
+    pub rows: &'a PartTable,
     pub units: &'a Units,
     pub scenario: &'a Value,
     /// The name of the output.

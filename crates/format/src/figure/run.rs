@@ -13,7 +13,7 @@ use crate::error::{Error, Missing, Result, refuse_if_any};
 use crate::kind::Part;
 use crate::notation::digits;
 use crate::quantity::{QUANTITIES, Quantity};
-use crate::table::{Table, Values, evenly_spaced};
+use crate::table::{PartTable, Values, evenly_spaced};
 use crate::view::View;
 use fretwork_engine::outcome::EVENTS;
 use fretwork_plot::{Axis, Dash, Figure, GREY, Series, Style};
@@ -89,7 +89,7 @@ impl Drawing<'_> {
     }
 
     /// The table of the quantity, cut to the selected output cycles.
-    fn table(&self) -> Result<Table> {
+    fn table(&self) -> Result<PartTable> {
         let selection = View { cycles: self.view.cycles.clone(), ..View::default() };
         let table = self.document.table(self.quantity.part, &selection)?;
         if table.cycles() > 0 {
@@ -113,7 +113,7 @@ impl Drawing<'_> {
     /// One curve per selected output cycle, or per evenly spaced output cycle if none is selected.
     fn curves(
         &self,
-        table: &Table,
+        table: &PartTable,
         with_unworn: bool,
         curve: impl Fn(usize) -> (Vec<f64>, Vec<f64>),
     ) -> Vec<Series> {
@@ -214,7 +214,7 @@ impl Drawing<'_> {
 
     /// The columns over the output cycles, followed by those of the simplified rule if the result has
     /// a comparison.
-    fn history_curves(&self, table: &Table, columns: &[(&str, &str)]) -> Result<Vec<Series>> {
+    fn history_curves(&self, table: &PartTable, columns: &[(&str, &str)]) -> Result<Vec<Series>> {
         let cycles = table.axis("cycles");
         let mut series: Vec<Series> = Vec::new();
         for (name, label) in columns {

@@ -11,7 +11,7 @@ use super::{fit, scatter, tornado};
 use crate::document::Document;
 use crate::error::{Error, Result};
 use crate::kind::Part;
-use crate::table::{Table, Values};
+use crate::table::{PartTable, Values};
 use crate::view::View;
 use fretwork_plot::{Axis, Figure};
 use fretwork_study::{Hints, Kind, Regions, StudyFigure};
@@ -21,12 +21,12 @@ const LATER: &str = " Thin: the boundary after the last cycle, within one amplit
 
 /// Draws the requested figure of a study as an SVG document.
 pub fn svg(document: &Document<'_>, kind: &'static Kind, view: &View) -> Result<String> {
-    Study::open(document, kind, view)?.drawn(view)
+    DrawnStudy::open(document, kind, view)?.drawn(view)
 }
 
 /// The members and outputs of a study. A column whose name is a JSON pointer is a member; every other column of numbers
 /// is an output.
-fn offer(hints: Hints, rows: &Table) -> Offer {
+fn offer(hints: Hints, rows: &PartTable) -> Offer {
     let is_number = |values: &Values| matches!(values, Values::Cycles(_));
     let columns = || rows.columns.iter().filter(|(_, values)| is_number(values));
     let members = columns().filter(|(name, _)| name.starts_with('/'));
@@ -40,18 +40,18 @@ fn offer(hints: Hints, rows: &Table) -> Offer {
 }
 
 /// A study while it is drawn.
-struct Study<'a> {
+struct DrawnStudy<'a> {
     document: &'a Document<'a>,
     view: &'a View,
     kind: &'static Kind,
     /// The canonical study, in SI.
     asked: Value,
     /// The rows of all points.
-    rows: Table,
+    rows: PartTable,
     offer: Offer,
 }
 
-impl<'a> Study<'a> {
+impl<'a> DrawnStudy<'a> {
     fn open(document: &'a Document<'a>, kind: &'static Kind, view: &'a View) -> Result<Self> {
         let asked = document.value(kind.name)?;
         let rows = document.rows(kind)?;

@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use super::axes;
 use super::words::member;
-use crate::table::Table;
+use crate::table::PartTable;
 use crate::units::Units;
 use fretwork_plot::{Bar, BarChart, Group};
 use fretwork_study::Bars;
@@ -15,7 +15,7 @@ const AROUND: f64 = 95.0;
 
 /// The chart of an output.
 pub fn chart(
-    table: &Table,
+    table: &PartTable,
     output: &str,
     bars: &Bars,
     units: &Units,

@@ -6,7 +6,7 @@ use serde::Serialize;
 use serde_json::value::{RawValue, to_raw_value};
 use serde_json::{Value, json};
 
-use super::entry::{About, Entry};
+use super::entry::{About, ReportedResult};
 use super::smooth::smooth;
 use crate::document::Document;
 use crate::error::Result;
@@ -87,10 +87,11 @@ struct Data<'a> {
 }
 
 /// The data of a file as JSON without the signs that mean something to HTML.
-pub fn text(entries: &[Entry], engineering: bool, measured: &[Value]) -> Result<String> {
-    let listed = |of: fn(&Entry) -> &str| entries.iter().map(of).collect::<Vec<_>>().join(",");
+pub fn text(entries: &[ReportedResult], engineering: bool, measured: &[Value]) -> Result<String> {
+    let listed =
+        |of: fn(&ReportedResult) -> &str| entries.iter().map(of).collect::<Vec<_>>().join(",");
     let link = || "report".to_owned();
-    let label = |entry: &Entry| entry.label.clone().unwrap_or_default();
+    let label = |entry: &ReportedResult| entry.label.clone().unwrap_or_default();
     let query = if let [entry] = entries {
         let typed = entry.submitted.as_ref().map(|typed| ("typed", typed.to_string()));
         [("link", link()), ("label", label(entry))].into_iter().chain(typed).collect()

@@ -24,7 +24,7 @@ pub struct About {
 }
 
 /// What a report says of one result.
-pub struct Entry {
+pub struct ReportedResult {
     pub(super) kind: TaskKind,
     pub(super) key: String,
     pub(super) label: Option<String>,
@@ -40,7 +40,7 @@ pub struct Entry {
     pub(super) documents: Vec<(&'static str, Box<RawValue>)>,
 }
 
-impl Entry {
+impl ReportedResult {
     /// Its label, or its kind.
     pub(super) fn name(&self) -> &str {
         let kind = match self.kind {

@@ -2,10 +2,10 @@
 
 use fretwork_plot::text::escape as text;
 
-use super::entry::Entry;
+use super::entry::ReportedResult;
 
 /// The content of the page, which is also well-formed XML.
-pub fn body(title: &str, entries: &[Entry]) -> String {
+pub fn body(title: &str, entries: &[ReportedResult]) -> String {
     let mut out = format!("<h1><bdi>{}</bdi></h1>", text(title));
     for entry in entries {
         let name = if entries.len() > 1 { format!(" of {}", entry.name()) } else { String::new() };
@@ -16,7 +16,7 @@ pub fn body(title: &str, entries: &[Entry]) -> String {
     }
     // A single command is printed.
     let open = if entries.len() == 1 { " open=\"\"" } else { "" };
-    let origin = |entry: &Entry| {
+    let origin = |entry: &ReportedResult| {
         let again = match &entry.command {
             Some(command) => command.lines().map(text).collect::<Vec<_>>().join("\n"),
             None => format!("Submit the member {} of the result.", entry.kind.member()),

@@ -1,6 +1,6 @@
 //! The content of reports. A report shows a result, or several runs side by side, with the views of the page in one HTML file.
 //!
-//! The file has the documents that the views read. Without scripts, it shows inputs and main numbers as HTML. An [`Entry`] is
+//! The file has the documents that the views read. Without scripts, it shows inputs and main numbers as HTML. An [`ReportedResult`] is
 //! what a file says of one result. Its size is bounded, so a comparison of large results holds only one of them at a time.
 
 mod data;
@@ -17,7 +17,7 @@ use crate::notation::Notation;
 use crate::view::View;
 use fretwork_job::TaskKind;
 
-pub use entry::{About, Entry};
+pub use entry::{About, ReportedResult};
 
 /// Maximum number of results in one file.
 pub const MOST: usize = 8;
@@ -34,7 +34,7 @@ pub struct Content {
     pub data: String,
 }
 
-impl Entry {
+impl ReportedResult {
     /// Reads a stored result, which is one of `count` in the file.
     ///
     /// # Errors
@@ -77,7 +77,11 @@ impl Entry {
 ///
 /// # Errors
 /// Several results are not all runs.
-pub fn content(entries: &[Entry], engineering: bool, measured: &[Value]) -> Result<Content> {
+pub fn content(
+    entries: &[ReportedResult],
+    engineering: bool,
+    measured: &[Value],
+) -> Result<Content> {
     if entries.len() > 1 && entries.iter().any(|entry| entry.kind != TaskKind::Run) {
         let detail = "compares runs, and one of these results is a study. Make a report of each result alone";
         return Err(Error::Missing(vec![Missing { parameter: "with", detail: detail.to_owned() }]));

@@ -35,9 +35,9 @@ impl Connected for Change<'_> {
 
 /// Adapts a verb that takes a [`Change`], so that it takes the transaction of one of the two databases.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Shared<V>(pub(crate) V);
+pub(crate) struct SharedVerb<V>(pub(crate) V);
 
-impl<'a, 'tx, Input, V, Tx> Verb<'a, Input, &'tx mut Tx> for Shared<V>
+impl<'a, 'tx, Input, V, Tx> Verb<'a, Input, &'tx mut Tx> for SharedVerb<V>
 where
     Input: 'a,
     V: Verb<'a, Input, Change<'tx>>,

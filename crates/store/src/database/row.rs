@@ -18,7 +18,7 @@ use fretwork_job::{Change, FailureKind, JobId, JobState, Key, Origin, Recomputed
 pub struct RunId(pub(crate) i64);
 
 /// The part of a run that one worker computes: the whole run (`None`), or the piece of a study with this number.
-pub(crate) type Part = (RunId, Option<u32>);
+pub(crate) type RunPart = (RunId, Option<u32>);
 
 /// A row of a database. Each method reads a column of one SQL type, and returns `None` if the column is null.
 pub(crate) trait Columns {

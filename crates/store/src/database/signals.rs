@@ -10,7 +10,7 @@ use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::{broadcast, watch};
 
 use crate::database::error::Result;
-use crate::database::row::{Part, RunId};
+use crate::database::row::{RunId, RunPart};
 use crate::database::tally::{Ending, Tally};
 use fretwork_job::clock::now;
 use fretwork_job::{Key, Origin, Recomputed};
@@ -24,11 +24,11 @@ pub(crate) enum Effect {
     /// A run or a piece of a study can be claimed.
     Queued,
     /// A worker has claimed this part. The flag tells the worker to stop.
-    Started(Part, Stop),
+    Started(RunPart, Stop),
     /// No worker needs to compute this run any more.
     Unwanted(RunId),
     /// No worker computes this part any more.
-    LetGo(Part),
+    LetGo(RunPart),
     /// A job was accepted.
     Submitted(Origin),
     /// A run ended, after this number of milliseconds if known.
@@ -84,7 +84,7 @@ impl Default for Deleted {
 struct Tables {
     /// Each channel counts the ended jobs and runs of its key, and signals every change.
     listeners: HashMap<Key, watch::Sender<u64>>,
-    running: HashMap<Part, Stop>,
+    running: HashMap<RunPart, Stop>,
     /// The time at which each result was last read. An entry is removed when its time is stored.
     read: HashMap<Key, i64>,
 }
@@ -169,12 +169,12 @@ impl Signals {
     }
 
     /// The parts that the workers of this process compute, with the stop flag of each worker.
-    pub(crate) fn running(&self) -> Vec<(Part, Stop)> {
+    pub(crate) fn running(&self) -> Vec<(RunPart, Stop)> {
         self.tables.lock().running.iter().map(|(part, stop)| (*part, stop.clone())).collect()
     }
 
     /// Stops workers that have lost their parts. If a worker has claimed such a part again since, that worker goes on.
-    pub(crate) fn stop(&self, lost: &[(Part, Stop)]) {
+    pub(crate) fn stop(&self, lost: &[(RunPart, Stop)]) {
         let mut tables = self.tables.lock();
         for (part, stop) in lost {
             stop.raise();

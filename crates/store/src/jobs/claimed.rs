@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use crate::database::body::Body;
 use crate::database::error::Result;
-use crate::database::row::{Columns, Part, Row, RunId, read};
+use crate::database::row::{Columns, Row, RunId, RunPart, read};
 use crate::database::signals::Stop;
 use crate::database::statement::sql;
 use crate::database::tables::{Connected, Tables};
@@ -81,7 +81,7 @@ impl Claimed {
         Ok(Cow::Owned(row.get("task")?))
     }
 
-    pub(crate) fn part(&self) -> Part {
+    pub(crate) fn part(&self) -> RunPart {
         let number = match self.piece {
             Piece::Whole { .. } => None,
             Piece::Chunk { number, .. } => Some(number),
@@ -98,7 +98,7 @@ impl Claimed {
 /// Identifies a claim. If another worker has claimed the part since, the changes of the first worker are ignored.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Claim {
-    pub(crate) part: Part,
+    pub(crate) part: RunPart,
     pub(crate) attempt: u32,
     pub(crate) key: Key,
 }

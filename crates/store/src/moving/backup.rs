@@ -11,7 +11,9 @@ use sqlx::{Connection as _, SqliteConnection};
 
 use super::check::{of_pages, of_rows};
 use super::damage::Damage;
-use super::{COMPANIONS, Moving, Part, put, reading, refused, remove, settle, sync_directory};
+use super::{
+    COMPANIONS, Moving, PartialFile, put, reading, refused, remove, settle, sync_directory,
+};
 use crate::administration::PATIENCE;
 use crate::database::body::Body;
 use crate::database::error::{Command, Error, unless_damaged};
@@ -50,8 +52,8 @@ pub fn backup<'a>(dir: &'a Path, file: &'a Path) -> Command<'a, Saved, Moving> {
         if !path.exists() {
             return Err(Moving::Nothing(path));
         }
-        let part = Part::of(file, ".part")?;
-        let from = Source::of(&path, file)?;
+        let part = PartialFile::of(file, ".part")?;
+        let from = CopySource::of(&path, file)?;
         inspect(from.path(), &path).await?;
         copy(from.path(), &part.0).await?;
         let saved = check(&part.0, &path).await?;
@@ -117,8 +119,8 @@ async fn put_in_place(
     if path.exists() && !replace {
         return Err(Moving::Occupied(path));
     }
-    let part = Part::of(&path, ".part")?;
-    let from = Source::of(file, &path)?;
+    let part = PartialFile::of(&path, ".part")?;
+    let from = CopySource::of(file, &path)?;
     let (found, known) = (inspect(from.path(), file).await?, schema::latest());
     if found > known {
         return Err(Error::Newer { path: file.to_owned(), found, known }.into());
@@ -151,13 +153,13 @@ async fn inspect(file: &Path, name: &Path) -> Result<i64, Moving> {
 }
 
 /// The database to be copied.
-enum Source<'a> {
+enum CopySource<'a> {
     Original(&'a Path),
     /// A copy of the database with its log and journal. It is removed when this is dropped.
-    Copy(Part),
+    Copy(PartialFile),
 }
 
-impl<'a> Source<'a> {
+impl<'a> CopySource<'a> {
     /// To read a database with a log or a journal, SQLite must write files beside it. On a read-only file system this
     /// is impossible, so the files are copied to the directory of `target`. The copy is sound only if no server writes
     /// to the database at the same time.
@@ -170,7 +172,7 @@ impl<'a> Source<'a> {
         if !is_read_only || !has_journal && uses_log()? != Some(true) {
             return Ok(Self::Original(path));
         }
-        let copy = Part::of(target, ".source")?;
+        let copy = PartialFile::of(target, ".source")?;
         for suffix in ["", "-wal", "-journal"] {
             let [from, to] = [path, &copy.0].map(|path| open::with_suffix(path, suffix));
             match fs::copy(&from, &to) {

@@ -17,7 +17,7 @@ use sqlx::sqlite::SqliteRow;
 use sqlx::{AssertSqlSafe, Connection as _, SqliteConnection};
 
 use super::damage::{Damage, SCHEMA, UNUSED, in_schema, locate};
-use super::{Moving, Part, reading, refused, settle};
+use super::{Moving, PartialFile, reading, refused, settle};
 use crate::administration::PATIENCE;
 use crate::database::body::Body;
 use crate::database::error::{Command, Error, Result, is_other_file, unless_damaged};
@@ -91,7 +91,7 @@ pub fn repair(dir: &Path) -> Command<'_, Repaired, Moving> {
             return Ok(Repaired { copy: None, damage });
         }
         let copy = dir.join(format!("fretwork.unrepaired-{}.db", clock::now()));
-        let part = Part::of(&dir.join("fretwork.unrepaired.db"), ".part")?;
+        let part = PartialFile::of(&dir.join("fretwork.unrepaired.db"), ".part")?;
         fs::copy(&path, &part.0).map_err(refused(&copy))?;
         part.name(&copy)?;
         // In a database without a log, a transaction of a reader would block the writer.

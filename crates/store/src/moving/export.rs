@@ -10,13 +10,13 @@ use serde_json::{Value, from_value};
 use zstd::Encoder;
 
 use super::lines::{Head, Line, Maker, Noted, is_stdio};
-use super::{Moving, Part, refused};
+use super::{Moving, PartialFile, refused};
 use crate::administration::Administration;
 use crate::database::error::{Command, Error, Result};
 use crate::database::place::Place;
 use crate::jobs::read::{self, StoredResult};
 use crate::results::library::Provenance;
-use crate::results::search::{Found, Search};
+use crate::results::search::{Search, SearchPage};
 use fretwork_job::{Key, clock};
 
 /// The outcome of an export.
@@ -57,7 +57,7 @@ pub fn export<'a>(
         let (part, out): (_, Box<dyn Write>) = if is_stdout {
             (None, Box::new(io::stdout()))
         } else {
-            let part = Part::of(file, ".part")?;
+            let part = PartialFile::of(file, ".part")?;
             let out = File::create(&part.0).map_err(refused(file))?;
             (Some(part), Box::new(out))
         };
@@ -87,7 +87,7 @@ pub fn export<'a>(
 async fn matching(db: &mut Administration, search: &Search) -> Result<Vec<Key>, Moving> {
     let (mut keys, mut cursor) = (Vec::new(), None);
     loop {
-        let found = Found::page(search, cursor, 1000, &mut *db).await?;
+        let found = SearchPage::page(search, cursor, 1000, &mut *db).await?;
         keys.extend(found.results.into_iter().map(|listed| listed.key));
         cursor = found.next;
         if cursor.is_none() {

@@ -16,7 +16,7 @@ use super::lines::{Line, Lines, MAX_BODY, Maker, Next, Noted, Told, is_stdio};
 use crate::administration::Administration;
 use crate::database::error::Command;
 use crate::database::place::Place;
-use crate::moving::imports::{self, Before, Import, NoteTaken};
+use crate::moving::imports::{self, Before, ImportedResult, NoteTaken};
 use crate::results::keep::Answered;
 use crate::results::library::{Note, Program};
 use fretwork_job::{Answer, Cost, Document, Key, Verified, clock, is_too_deep};
@@ -89,7 +89,7 @@ impl Importer {
     ///
     /// # Errors
     /// A database fails.
-    pub fn next_entry(&mut self) -> Command<'_, Option<Entry>, Moving> {
+    pub fn next_entry(&mut self) -> Command<'_, Option<UntrustedResult>, Moving> {
         Box::pin(async move {
             let next = self.lines.next();
             let (name, entry) = match next {
@@ -97,11 +97,11 @@ impl Importer {
                     self.end(&format!("{MOST_REFUSED} results are refused"))
                 }
                 Ok(Next::Line(line)) if let Some(key) = key_in(&line) => {
-                    (key, Entry::of_line(&line))
+                    (key, UntrustedResult::of_line(&line))
                 }
                 // The rest of a broken line may follow, or the file is no export at all.
                 Ok(Next::Line(_)) => self.end("it is nested too deeply, or has no key of a result"),
-                Ok(Next::Json(body)) => ("in the file".to_owned(), Entry::of_json(body)),
+                Ok(Next::Json(body)) => ("in the file".to_owned(), UntrustedResult::of_json(body)),
                 Ok(Next::End) => {
                     self.is_over = true;
                     self.done.missing = self.lines.announced.saturating_sub(self.read) as u64;
@@ -128,8 +128,8 @@ impl Importer {
     /// Returns `None` if the database already has the result. The inner error is the reason why the result is refused.
     async fn unless_known(
         &mut self,
-        entry: Result<(Entry, [u8; 32]), String>,
-    ) -> Result<Result<Option<Entry>, String>, Moving> {
+        entry: Result<(UntrustedResult, [u8; 32]), String>,
+    ) -> Result<Result<Option<UntrustedResult>, String>, Moving> {
         let (entry, digest) = match entry {
             Ok(read) => read,
             Err(why) => return Ok(Err(why)),
@@ -211,7 +211,7 @@ const MAX_WARNINGS: usize = 4000;
 
 /// A result whose line has passed all checks, but whose body is not trusted.
 #[derive(Debug)]
-pub struct Entry {
+pub struct UntrustedResult {
     /// Its key.
     pub key: Key,
     /// The JSON of the result.
@@ -226,9 +226,9 @@ pub struct Entry {
 
 /// A result that may be stored.
 #[derive(Debug)]
-pub struct Accepted(Import);
+pub struct Accepted(ImportedResult);
 
-impl Entry {
+impl UntrustedResult {
     /// Reads a line: the result and its digest.
     fn of_line(line: &Bytes) -> Result<(Self, [u8; 32]), String> {
         let read: Line<'_> = serde_json::from_slice(line)
@@ -281,20 +281,30 @@ impl Entry {
         let program = program.map(|it| Program { numerics: document.numerics, ..it });
         let answer = Answered::new(&Answer::new(body, document), cost);
         let task = document.asked.kind.stored(&document.asked.value);
-        Accepted(Import { key, answer, task, owner, warnings, program, computed, note, verified })
+        Accepted(ImportedResult {
+            key,
+            answer,
+            task,
+            owner,
+            warnings,
+            program,
+            computed,
+            note,
+            verified,
+        })
     }
 }
 
 /// The member `key` of a result or a line.
 fn key_in(json: &[u8]) -> Option<String> {
     #[derive(Deserialize)]
-    struct Named {
+    struct NamingJob {
         key: String,
     }
     if is_too_deep(json) {
         return None;
     }
-    let named: Option<Named> = serde_json::from_slice(json).ok();
+    let named: Option<NamingJob> = serde_json::from_slice(json).ok();
     named.map(|named| named.key).filter(|key| key.len() <= 64)
 }
 

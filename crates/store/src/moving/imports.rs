@@ -12,7 +12,7 @@ use fretwork_job::{Key, Verified};
 
 /// A result of another server that passed all checks.
 #[derive(Debug)]
-pub(crate) struct Import {
+pub(crate) struct ImportedResult {
     pub(crate) key: Key,
     pub(crate) answer: Answered,
     /// The task in its stored form.
@@ -86,7 +86,7 @@ pub(crate) enum NoteTaken {
 /// Stores a result from the file with this name, if the database does not have it. Stores its note, unless the database
 /// already has a note of the result.
 pub(crate) async fn import(
-    (import, file): &(Import, String),
+    (import, file): &(ImportedResult, String),
     mut tx: Change<'_>,
 ) -> Result<(Before, NoteTaken)> {
     let (key, digest) = (&import.key, &import.answer.digest);
@@ -102,8 +102,8 @@ pub(crate) async fn import(
 }
 
 /// Inserts the result. Returns false if a server has stored the key in the meantime.
-async fn insert(import: &Import, file: &str, tx: &mut Change<'_>) -> Result<bool> {
-    let Import { key, task, owner, warnings, answer, .. } = import;
+async fn insert(import: &ImportedResult, file: &str, tx: &mut Change<'_>) -> Result<bool> {
+    let ImportedResult { key, task, owner, warnings, answer, .. } = import;
     let program = match &import.program {
         Some(program) => Some(program.id(tx).await?),
         None => None,

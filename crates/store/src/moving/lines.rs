@@ -240,10 +240,11 @@ impl Lines {
 /// The version of the form, if a line is the first one of an export.
 fn form_of(line: &[u8]) -> Option<u32> {
     #[derive(Deserialize)]
-    struct Form {
+    struct FirstMember {
         fretwork_export: u32,
     }
-    let form: Option<Form> = line.starts_with(HEAD).then(|| serde_json::from_slice(line).ok())?;
+    let form: Option<FirstMember> =
+        line.starts_with(HEAD).then(|| serde_json::from_slice(line).ok())?;
     form.map(|form| form.fretwork_export)
 }
 

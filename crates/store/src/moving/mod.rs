@@ -32,7 +32,7 @@ pub use backup::{Saved, backup, note_backup, restore};
 pub use check::{Checked, Repaired, check, repair};
 pub use damage::Damage;
 pub use export::{Exported, export};
-pub use import::{Accepted, Entry, Imported, Importer};
+pub use import::{Accepted, Imported, Importer, UntrustedResult};
 pub use lines::MAX_BODY;
 
 /// The version of the form of an export. Form 1 was a database of SQLite.
@@ -136,9 +136,9 @@ fn refused(path: &Path) -> impl FnOnce(io::Error) -> Moving {
 }
 
 /// A file that is being written, under a temporary name. It is removed if the command fails.
-struct Part(PathBuf);
+struct PartialFile(PathBuf);
 
-impl Part {
+impl PartialFile {
     /// Makes an empty file, whose name is the path of the file with a suffix. Removes a file with this name, which a killed
     /// command may have left.
     fn of(file: &Path, suffix: &str) -> Result<Self, Moving> {
@@ -163,7 +163,7 @@ impl Part {
     }
 }
 
-impl Drop for Part {
+impl Drop for PartialFile {
     fn drop(&mut self) {
         // If this fails, the next command tries again.
         let _ = self.remove();

@@ -17,11 +17,11 @@ const REST: u32 = 20;
 #[derive(Debug)]
 pub(super) struct Backlog {
     pub(super) limit: usize,
-    counted: Mutex<Counted>,
+    counted: Mutex<BacklogCounts>,
 }
 
 #[derive(Debug, Default)]
-struct Counted {
+struct BacklogCounts {
     /// An estimate of the number of queued jobs: the last count, plus the jobs that this server has queued since, minus the
     /// runs that it has claimed.
     all: usize,
@@ -34,7 +34,10 @@ struct Counted {
 impl Backlog {
     pub(super) fn new(limit: usize) -> Self {
         // The queue is not counted yet, so it may be full.
-        Self { limit, counted: Mutex::new(Counted { all: limit, ..Counted::default() }) }
+        Self {
+            limit,
+            counted: Mutex::new(BacklogCounts { all: limit, ..BacklogCounts::default() }),
+        }
     }
 
     /// The numbers of queued jobs for a submission of this owner; `None` if they must be counted. `dead` is the number of
@@ -58,7 +61,7 @@ impl Backlog {
 
     /// The last time that the oldest queued run had waited; `None` if the queue must be read.
     pub(super) fn waited(&self, dead: u64) -> Option<Duration> {
-        let Counted { all, waited: (waited, rest), .. } = *self.counted.lock();
+        let BacklogCounts { all, waited: (waited, rest), .. } = *self.counted.lock();
         rest.lasts(REST, dead.max(all as u64)).then_some(waited)
     }
 

@@ -18,12 +18,12 @@ pub(super) struct Contact {
     /// difference.
     tolerance: Duration,
     /// When the contact began, and the last answer.
-    times: Mutex<Option<(Instant, Answer)>>,
+    times: Mutex<Option<(Instant, DatabaseAnswer)>>,
 }
 
 /// An answer of the database.
 #[derive(Debug, Clone, Copy)]
-struct Answer {
+struct DatabaseAnswer {
     at: Instant,
     /// The time by the clock of the database, in milliseconds.
     clock: i64,
@@ -37,7 +37,7 @@ impl Contact {
     /// Records an answer of the database, whose clock shows this time. Returns whether the contact has lasted long
     /// enough to revoke leases.
     pub(super) fn goes_on(&self, clock: i64) -> bool {
-        let now = Answer { at: Instant::now(), clock };
+        let now = DatabaseAnswer { at: Instant::now(), clock };
         let mut times = self.times.lock();
         let began =
             times.filter(|(_, last)| self.is_soon_after(*last, now)).map(|(began, _)| began);
@@ -48,7 +48,7 @@ impl Contact {
 
     /// Whether there was neither a pause nor a step of the clock between two answers. The clock of this process stands
     /// still while the machine sleeps, so sleep also counts as a step.
-    fn is_soon_after(&self, last: Answer, now: Answer) -> bool {
+    fn is_soon_after(&self, last: DatabaseAnswer, now: DatabaseAnswer) -> bool {
         let passed = now.at - last.at;
         let step = now.clock - last.clock - (passed.as_millis() as u64).cast_signed();
         passed < self.enough && step.unsigned_abs() <= self.tolerance.as_millis() as u64

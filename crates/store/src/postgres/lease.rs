@@ -14,7 +14,7 @@ use sqlx::postgres::PgConnection;
 use super::Node;
 use super::transaction::Transaction;
 use crate::database::error::Result;
-use crate::database::row::{Columns, Part, RunId};
+use crate::database::row::{Columns, RunId, RunPart};
 use crate::database::statement::sql;
 use crate::database::tables::Connected;
 use crate::jobs::claimed::Claimed;
@@ -45,7 +45,7 @@ const AT_ONCE: i64 = 1000;
 const IS_OVER: &str = "expires + $2 < moment() OR expires > moment() + coalesce(lasts, $1) + $2";
 
 /// The value of the column `number` for a part: the number of the piece, or -1 for a whole run.
-fn number(part: Part) -> i64 {
+fn number(part: RunPart) -> i64 {
     part.1.map_or(-1, i64::from)
 }
 
@@ -70,7 +70,7 @@ pub(super) async fn begin(tx: &mut Transaction<'_>, owner: &str, claims: &[Claim
 }
 
 /// Ends the lease of a part.
-pub(super) async fn end(tx: &mut Transaction<'_>, part: Part) -> Result<()> {
+pub(super) async fn end(tx: &mut Transaction<'_>, part: RunPart) -> Result<()> {
     let query = sql!("DELETE FROM lease WHERE run = $1 AND number = $2"; part.0, number(part));
     tx.db.execute(query).await
 }
@@ -87,8 +87,8 @@ pub(super) async fn end_all(tx: &mut Transaction<'_>, runs: &[i64]) -> Result<()
 pub(super) async fn renew(
     db: &mut PgConnection,
     node: &Node,
-    parts: &[Part],
-) -> Result<(i64, Vec<Part>)> {
+    parts: &[RunPart],
+) -> Result<(i64, Vec<RunPart>)> {
     let (runs, numbers): (Vec<i64>, Vec<i64>) =
         parts.iter().map(|part| (part.0.0, number(*part))).unzip();
     let rows = sqlx::query(

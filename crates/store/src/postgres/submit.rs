@@ -28,7 +28,7 @@ pub(crate) async fn submit(new: &NewJob, tx: &mut Transaction<'_>) -> Result<Sub
 }
 
 /// Where a job gets its result from.
-enum Place {
+enum ResultSource {
     /// The stored result.
     Known,
     /// A live run, which is locked. It may be new.
@@ -47,7 +47,7 @@ async fn admit(tx: &mut Transaction<'_>, new: &NewJob) -> Result<Submitted> {
         );
         let row = tx.db.one(query).await?;
         if row.get("is_known")? && !new.afresh {
-            return insert(tx, new, &Place::Known).await;
+            return insert(tx, new, &ResultSource::Known).await;
         }
         if new.admission == Admission::OnlyKnown {
             return Ok(Submitted::Unknown);
@@ -69,10 +69,10 @@ async fn admit(tx: &mut Transaction<'_>, new: &NewJob) -> Result<Submitted> {
 }
 
 /// A place; `None` if another server was faster; or the answer that the queue is full.
-type Found = Result<Option<Place>, Submitted>;
+type Attempted = Result<Option<ResultSource>, Submitted>;
 
 /// Locks a live run, so that it cannot end before the job is inserted.
-async fn join(tx: &mut Transaction<'_>, new: &NewJob, run: RunId) -> Result<Found> {
+async fn join(tx: &mut Transaction<'_>, new: &NewJob, run: RunId) -> Result<Attempted> {
     if new.chunks.is_some() {
         chunks::lock(tx, run).await?;
     }
@@ -88,11 +88,11 @@ async fn join(tx: &mut Transaction<'_>, new: &NewJob, run: RunId) -> Result<Foun
         return Ok(Err(full));
     }
     let attempt = row.get("attempt")?;
-    Ok(Ok(Some(Place::Run { run, state, attempt, origin: Origin::Coalesced })))
+    Ok(Ok(Some(ResultSource::Run { run, state, attempt, origin: Origin::Coalesced })))
 }
 
 /// Queues a new run, unless another server has done so.
-async fn queue(tx: &mut Transaction<'_>, new: &NewJob) -> Result<Found> {
+async fn queue(tx: &mut Transaction<'_>, new: &NewJob) -> Result<Attempted> {
     if let Some(full) = queue_is_full(tx, new).await? {
         return Ok(Err(full));
     }
@@ -122,7 +122,7 @@ async fn queue(tx: &mut Transaction<'_>, new: &NewJob) -> Result<Found> {
         tx.db.execute(query).await?;
     }
     let (state, origin) = (JobState::Queued, Origin::Computed);
-    Ok(Ok(Some(Place::Run { run, state, attempt: 0, origin })))
+    Ok(Ok(Some(ResultSource::Run { run, state, attempt: 0, origin })))
 }
 
 /// The answer to a job that must be queued, if the queue is full.
@@ -147,7 +147,7 @@ async fn queue_is_full(tx: &mut Transaction<'_>, new: &NewJob) -> Result<Option<
 }
 
 /// Inserts a job.
-async fn insert(tx: &mut Transaction<'_>, new: &NewJob, place: &Place) -> Result<Submitted> {
+async fn insert(tx: &mut Transaction<'_>, new: &NewJob, place: &ResultSource) -> Result<Submitted> {
     let row = insert_row(tx, new, place).await?;
     let job = read_job(&row)?;
     if !new.tags.is_empty() {
@@ -157,7 +157,7 @@ async fn insert(tx: &mut Transaction<'_>, new: &NewJob, place: &Place) -> Result
             .execute(tx.db.connection())
             .await?;
     }
-    if let Place::Run { state, .. } = place {
+    if let ResultSource::Run { state, .. } = place {
         if *state == JobState::Queued {
             tx.of.backlog.grows(&new.owner);
         }
@@ -170,13 +170,17 @@ async fn insert(tx: &mut Transaction<'_>, new: &NewJob, place: &Place) -> Result
     Ok(Submitted::Accepted(job))
 }
 
-async fn insert_row(tx: &mut Transaction<'_>, new: &NewJob, place: &Place) -> Result<Row> {
+async fn insert_row(tx: &mut Transaction<'_>, new: &NewJob, place: &ResultSource) -> Result<Row> {
     let job = new;
     let repeatable = job.repeatable.as_ref();
     let (run, state, attempt, origin, began) = match *place {
-        Place::Known => (None, JobState::Succeeded, 0, Origin::Cached, None),
-        Place::Run { run, state, attempt, origin } => (Some(run), state, attempt, origin, None),
-        Place::Recorded { began, origin } => (None, JobState::Succeeded, 1, origin, Some(began)),
+        ResultSource::Known => (None, JobState::Succeeded, 0, Origin::Cached, None),
+        ResultSource::Run { run, state, attempt, origin } => {
+            (Some(run), state, attempt, origin, None)
+        }
+        ResultSource::Recorded { began, origin } => {
+            (None, JobState::Succeeded, 1, origin, Some(began))
+        }
     };
     let query = sql!(
         "INSERT INTO job (id, owner, key, run, state, attempt, origin, label, tags, warnings, priority,
@@ -225,7 +229,7 @@ pub(crate) async fn record(
     for (number, job) in jobs.iter().enumerate() {
         let origin = if number == 0 { Origin::Computed } else { Origin::Coalesced };
         all.push(if is_stored {
-            insert(tx, job, &Place::Recorded { began, origin }).await?
+            insert(tx, job, &ResultSource::Recorded { began, origin }).await?
         } else {
             admit(tx, job).await?
         });

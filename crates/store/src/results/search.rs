@@ -487,14 +487,14 @@ impl Listed {
 
 /// One page of search results.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Found {
+pub struct SearchPage {
     /// The results.
     pub results: Vec<Listed>,
     /// The cursor of the next page; `None` on the last page.
     pub next: Option<Cursor>,
 }
 
-impl Found {
+impl SearchPage {
     /// Up to `limit` matching results after `cursor`.
     pub(crate) async fn page(
         search: &Search,

@@ -10,11 +10,11 @@ use std::path::{Path, PathBuf};
 use crate::database::error::{Error, Result};
 
 /// The device and the number of a file.
-type Identity = (u64, u64);
+type FileIdentity = (u64, u64);
 
 /// The files of an open database.
 #[derive(Debug, Default)]
-pub(super) struct Files(Vec<(PathBuf, Identity)>);
+pub(super) struct Files(Vec<(PathBuf, FileIdentity)>);
 
 impl Files {
     /// The files that have these paths now. This does not open them, because closing a file would end the locks of
@@ -32,7 +32,7 @@ impl Files {
 }
 
 #[cfg(unix)]
-fn identity(path: &Path) -> io::Result<Identity> {
+fn identity(path: &Path) -> io::Result<FileIdentity> {
     use std::os::unix::fs::MetadataExt as _;
     let file = fs::metadata(path)?;
     Ok((file.dev(), file.ino()))
@@ -40,6 +40,6 @@ fn identity(path: &Path) -> io::Result<Identity> {
 
 /// Other systems do not move a file that is open.
 #[cfg(not(unix))]
-fn identity(path: &Path) -> io::Result<Identity> {
+fn identity(path: &Path) -> io::Result<FileIdentity> {
     fs::metadata(path).map(|_| (0, 0))
 }

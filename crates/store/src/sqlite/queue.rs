@@ -17,7 +17,7 @@ use std::collections::{BTreeMap, HashMap};
 use sqlx::SqliteConnection;
 
 use crate::database::error::Result;
-use crate::database::row::{Columns as _, Part, RunId, read};
+use crate::database::row::{Columns as _, RunId, RunPart, read};
 use crate::database::statement::sql;
 use crate::database::tables::Tables as _;
 use crate::jobs::claimed::{Stages, Study};
@@ -25,17 +25,17 @@ use fretwork_job::JobId;
 
 /// The position of a job in the lane of its owner: the priority, whether the run is a study, and the id. Ids are
 /// ordered by the time of the submission.
-type Place = (u8, bool, JobId);
+type LanePosition = (u8, bool, JobId);
 
 #[derive(Debug, Default)]
 pub(super) struct Queue {
     lanes: HashMap<String, Lane>,
     /// The positions of each queued run and of each unfinished study: one for each of its jobs.
-    places: HashMap<RunId, BTreeMap<Place, String>>,
+    places: HashMap<RunId, BTreeMap<LanePosition, String>>,
     /// The unfinished studies.
     studies: HashMap<RunId, Study>,
     /// The owner in whose turn each running part was claimed.
-    working: HashMap<Part, String>,
+    working: HashMap<RunPart, String>,
     turns: u64,
     /// The number of jobs that wait for a worker.
     pub(super) jobs: usize,
@@ -43,7 +43,7 @@ pub(super) struct Queue {
 
 #[derive(Debug, Default)]
 struct Lane {
-    waiting: BTreeMap<Place, RunId>,
+    waiting: BTreeMap<LanePosition, RunId>,
     working: usize,
     /// The number of the last turn of this owner. A later turn has a larger number.
     served: u64,
@@ -152,7 +152,7 @@ impl Queue {
     }
 
     /// Records that the next part was claimed in the turn of this owner. The part is running from now on.
-    pub(super) fn take(&mut self, part: Part, owner: String) {
+    pub(super) fn take(&mut self, part: RunPart, owner: String) {
         self.turns += 1;
         self.lane(&owner).served = self.turns;
         self.begin(part, owner);
@@ -220,12 +220,12 @@ impl Queue {
         }
     }
 
-    fn begin(&mut self, part: Part, owner: String) {
+    fn begin(&mut self, part: RunPart, owner: String) {
         self.lane(&owner).working += 1;
         self.working.insert(part, owner);
     }
 
-    fn rest(&mut self, part: Part) {
+    fn rest(&mut self, part: RunPart) {
         let Some(owner) = self.working.remove(&part) else { return };
         self.lane(&owner).working -= 1;
         self.tidy(&owner);
@@ -258,14 +258,14 @@ impl Queue {
         self.lanes.entry(owner.to_owned()).or_insert_with(new)
     }
 
-    fn occupy(&mut self, owner: &str, place: Place, run: RunId) {
+    fn occupy(&mut self, owner: &str, place: LanePosition, run: RunId) {
         let is_new = self.lane(owner).waiting.insert(place, run).is_none();
         if is_new && self.is_waiting(run) {
             self.jobs += 1;
         }
     }
 
-    fn vacate(&mut self, owner: &str, place: Place, run: RunId) {
+    fn vacate(&mut self, owner: &str, place: LanePosition, run: RunId) {
         let is_waiting = self.is_waiting(run);
         if let Some(lane) = self.lanes.get_mut(owner)
             && lane.waiting.remove(&place).is_some()
@@ -301,7 +301,7 @@ mod tests {
     }
 
     /// Takes the next run, or the next piece of a study that was never claimed.
-    fn take(queue: &mut Queue) -> Option<Part> {
+    fn take(queue: &mut Queue) -> Option<RunPart> {
         let (run, owner) = queue.next()?;
         let part = (run, queue.studies.get(&run).map(|study| study.next));
         queue.take(part, owner);

@@ -49,12 +49,12 @@ static MIGRATIONS: LazyLock<Migrator> = LazyLock::new(|| {
 });
 
 /// A table, index, trigger or view, and the statement that creates it.
-pub(crate) struct Part {
+pub(crate) struct SchemaPart {
     kind: String,
     pub(crate) sql: String,
 }
 
-impl Part {
+impl SchemaPart {
     /// The statement without white space and quotes. Versions of SQLite differ in these.
     fn essence(&self) -> String {
         self.sql.chars().filter(|c| !c.is_whitespace() && *c != '"').collect()
@@ -63,7 +63,7 @@ impl Part {
 
 /// The parts of the schema of a file, by name. They are read as bytes: if a damaged file contains values that are not
 /// text, sqlx would panic, and might then wait without end.
-pub(crate) async fn parts(db: &mut SqliteConnection) -> Result<BTreeMap<String, Part>> {
+pub(crate) async fn parts(db: &mut SqliteConnection) -> Result<BTreeMap<String, SchemaPart>> {
     let encoding: String = sqlx::query_scalar("PRAGMA encoding").fetch_one(&mut *db).await?;
     if encoding != "UTF-8" {
         let error = sqlx::Error::Decode(format!("its texts are {encoding}, not UTF-8").into());
@@ -76,7 +76,8 @@ pub(crate) async fn parts(db: &mut SqliteConnection) -> Result<BTreeMap<String, 
     .fetch_all(db)
     .await?;
     let text = |bytes| String::from_utf8(bytes).map_err(|error| sqlx::Error::Decode(error.into()));
-    let part = |(name, kind, sql)| Ok((text(name)?, Part { kind: text(kind)?, sql: text(sql)? }));
+    let part =
+        |(name, kind, sql)| Ok((text(name)?, SchemaPart { kind: text(kind)?, sql: text(sql)? }));
     let parts: sqlx::Result<_> = rows.into_iter().map(part).collect();
     parts.map_err(|error| Error::Damaged(Arc::new(error)))
 }
@@ -85,7 +86,7 @@ pub(crate) async fn parts(db: &mut SqliteConnection) -> Result<BTreeMap<String, 
 /// not compared.
 pub(crate) async fn compare(db: &mut SqliteConnection, path: &Path) -> Result<()> {
     let found = parts(db).await?;
-    let altered = |(name, part): (&String, &Part), what: &str| {
+    let altered = |(name, part): (&String, &SchemaPart), what: &str| {
         // The name may contain anything.
         let what = format!("the {} {} {what}", part.kind.escape_debug(), name.escape_debug());
         Error::Altered { path: path.to_owned(), what }
@@ -120,7 +121,7 @@ pub(crate) async fn compare(db: &mut SqliteConnection, path: &Path) -> Result<()
 }
 
 /// The schema that the migrations up to a version make.
-async fn made_by(version: i64) -> Result<BTreeMap<String, Part>> {
+async fn made_by(version: i64) -> Result<BTreeMap<String, SchemaPart>> {
     let migrations = MIGRATIONS.iter().filter(|migration| migration.version <= version);
     let migrator = Migrator::with_migrations(migrations.cloned().collect());
     let mut db = SqliteConnection::connect("sqlite::memory:").await?;

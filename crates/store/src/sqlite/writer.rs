@@ -13,7 +13,7 @@ use super::log::{self, Log};
 use super::queue::Queue;
 use super::transaction::Transaction;
 use super::upkeep::{self, CHUNKS, Room, Upkeep, delete_old, make_room, write_clock, write_reads};
-use crate::database::change::{Shared, Verb};
+use crate::database::change::{SharedVerb, Verb};
 use crate::database::error::{Error, Result};
 use crate::database::signals::{READ_AT_ONCE, Signals};
 use crate::jobs::upkeep::{delete_chunks, forget_evicted};
@@ -72,10 +72,13 @@ where
     }
 }
 
-type Reply<Answer> = oneshot::Receiver<Result<Answer>>;
+type PendingAnswer<Answer> = oneshot::Receiver<Result<Answer>>;
 
 /// A verb with its input, for the writer task. The receiver gets the answer after the commit.
-pub(super) fn order<V, Input, Answer>(verb: V, input: Input) -> (Box<dyn Order>, Reply<Answer>)
+pub(super) fn order<V, Input, Answer>(
+    verb: V,
+    input: Input,
+) -> (Box<dyn Order>, PendingAnswer<Answer>)
 where
     V: for<'a> Verb<'a, Input, &'a mut Transaction, Answer = Answer>,
     Input: Send + Sync + 'static,
@@ -287,8 +290,8 @@ impl Writer {
             }
             None => false,
         };
-        let chunks = self.chore(Shared(delete_chunks), CHUNKS).await.unwrap_or(false);
-        let _ = self.chore(Shared(forget_evicted), time).await;
+        let chunks = self.chore(SharedVerb(delete_chunks), CHUNKS).await.unwrap_or(false);
+        let _ = self.chore(SharedVerb(forget_evicted), time).await;
         let exceeds = match self.upkeep.budget {
             // Chunks that no study needs are deleted before results.
             Some(budget) if !chunks => self.make_room(budget).await,

@@ -87,7 +87,7 @@ const SECONDS: f64 = 2e-6;
 /// The body of a map.
 #[derive(Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
-struct Request {
+struct MapBody {
     #[deserr(default, rename = "version")]
     _version: Given<Whole<1, 1>>,
     scenario: Value,
@@ -116,7 +116,7 @@ struct Map {
 /// All faults, with pointers relative to the map.
 fn read(map: Value) -> Result<Read, Faults> {
     let complete = small_members(&map);
-    let Request { scenario, normal_force, amplitude, outputs, .. } = typed(map)?;
+    let MapBody { scenario, normal_force, amplitude, outputs, .. } = typed(map)?;
     let mut faults = Faults::default();
     faults.keep("", scenario::prepare(scenario.clone(), "/scenario"));
     faults.keep("/scenario", plain(&scenario));

@@ -50,7 +50,7 @@ pub const KIND: Kind = Kind {
 /// The body of a sweep.
 #[derive(Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
-struct Request {
+struct SweepBody {
     #[deserr(default, rename = "version")]
     _version: Given<Whole<1, 1>>,
     scenario: Value,
@@ -83,7 +83,7 @@ enum DesignName {
 /// All faults, with pointers relative to the sweep.
 fn read(sweep: Value) -> Result<Read, Faults> {
     let mut complete = small_members(&sweep);
-    let Request { scenario, vary, design, samples, seed, outputs, profiles, .. } = typed(sweep)?;
+    let SweepBody { scenario, vary, design, samples, seed, outputs, profiles, .. } = typed(sweep)?;
     let profiles = profiles.0.map(CommonProfiles::read).transpose();
     let profiles = profiles.map_err(|faults| faults.below("/profiles"));
     // If a member or an output has a fault, no design can be made.

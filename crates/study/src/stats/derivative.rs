@@ -43,8 +43,8 @@
 //!
 //! # Examples
 //! ```
-//! use fretwork_study::stats::derivative::{MAX_ROUNDS, Place, derivatives};
-//! let place = Place { x: 2.0, scale: 2.0, low: 0.0, high: f64::INFINITY };
+//! use fretwork_study::stats::derivative::{MAX_ROUNDS, SearchPoint, derivatives};
+//! let place = SearchPoint { x: 2.0, scale: 2.0, low: 0.0, high: f64::INFINITY };
 //! let f = |x: f64| Ok::<_, ()>(vec![Some(x * x), Some(1.0 / x)]);
 //! let found = derivatives(place, &[1e-12, 1e-12], MAX_ROUNDS, f).unwrap();
 //! let [square, inverse] = [found[0].unwrap(), found[1].unwrap()];
@@ -91,7 +91,7 @@ const STUDENT: [f64; POINTS - 1] = [
 
 /// Where a derivative is searched.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Place {
+pub struct SearchPoint {
     /// The point x₀.
     pub x: f64,
     /// The size of the number, for example |x₀|. The first interval reaches a tenth of it to both sides.
@@ -128,7 +128,7 @@ pub struct Derivative {
 /// # Panics
 /// If the point lies outside of the domain.
 pub fn derivatives<E>(
-    place: Place,
+    place: SearchPoint,
     accuracies: &[f64],
     rounds: usize,
     mut f: impl FnMut(f64) -> Result<Vec<Option<f64>>, E>,
@@ -136,7 +136,7 @@ pub fn derivatives<E>(
     assert!((place.low..=place.high).contains(&place.x), "the point lies in the domain");
     let output = |(at_point, accuracy): (Option<f64>, &f64)| {
         let at_point = at_point.filter(|y| y.is_finite());
-        Output { accuracy: *accuracy, at_point, best: None, done: at_point.is_none() }
+        OutputSearch { accuracy: *accuracy, at_point, best: None, done: at_point.is_none() }
     };
     let mut outputs: Vec<_> = f(place.x)?.into_iter().zip(accuracies).map(output).collect();
     for round in 0..rounds {
@@ -155,7 +155,7 @@ pub fn derivatives<E>(
 }
 
 /// The points of an interval, without x₀.
-pub fn neighbours(Place { x, scale, low, high }: Place, round: usize) -> Vec<f64> {
+pub fn neighbours(SearchPoint { x, scale, low, high }: SearchPoint, round: usize) -> Vec<f64> {
     let half = (0..round).fold(HALF_WIDTH * scale, |half, _| half / NARROWING);
     let from = (x - half).min(high - 2.0 * half).max(low);
     let width = (from + 2.0 * half).min(high) - from;
@@ -167,20 +167,20 @@ pub fn neighbours(Place { x, scale, low, high }: Place, round: usize) -> Vec<f64
 }
 
 /// The state of the search for one output.
-struct Output {
+struct OutputSearch {
     accuracy: f64,
     at_point: Option<f64>,
     best: Option<Derivative>,
     done: bool,
 }
 
-impl Output {
+impl OutputSearch {
     /// Takes the values of an interval, with their distances from x₀.
     fn fit(&mut self, others: impl Iterator<Item = (f64, f64)>, scale: f64) {
         let Some(at_point) = self.at_point else { return };
         let sample = std::iter::once((0.0, at_point)).chain(others);
         let sample: Vec<_> = sample.filter(|(_, y)| y.is_finite()).collect();
-        let Some(fit) = Fit::new(&sample, self.accuracy) else { return };
+        let Some(fit) = IntervalFit::new(&sample, self.accuracy) else { return };
         let best = self.best.map_or(fit.derivative, |best| best.or(fit.derivative));
         let slope = (at_point / scale).abs().max(best.value.abs());
         self.best = Some(best);
@@ -209,13 +209,13 @@ impl Derivative {
 }
 
 /// The best derivative in one interval.
-struct Fit {
+struct IntervalFit {
     derivative: Derivative,
     /// Whether the scatter around the polynomials looks like noise and is not larger than the accuracy of the values.
     resolved: bool,
 }
 
-impl Fit {
+impl IntervalFit {
     /// The derivative at 0 of a function with these points and values, if there are enough of them.
     ///
     /// If the points left and right of x₀ have different derivatives, x₀ is close to a kink or a jump. The error then
@@ -335,7 +335,7 @@ mod tests {
     use fretwork_random::{Random, Stream};
 
     fn searched(
-        place: Place,
+        place: SearchPoint,
         accuracies: &[f64],
         mut f: impl FnMut(f64) -> Vec<Option<f64>>,
     ) -> Vec<Option<Derivative>> {
@@ -397,8 +397,8 @@ mod tests {
         }),
     ];
 
-    fn place(x: f64, low: f64) -> Place {
-        Place { x, scale: x, low, high: 10.0 }
+    fn place(x: f64, low: f64) -> SearchPoint {
+        SearchPoint { x, scale: x, low, high: 10.0 }
     }
 
     /// Runs each smooth function with each noise level at random points. Returns the number of stated errors that
@@ -511,7 +511,7 @@ mod tests {
     fn points_stay_in_the_domain_and_one_interval_suffices_for_a_smooth_function() {
         for (x, low, high) in [(1.0, 0.0, 2.0), (1.0, 1.0, 2.0), (1.0, 0.0, 1.0), (1.0, 0.97, 1.01)]
         {
-            let place = Place { x, scale: 1.0, low, high };
+            let place = SearchPoint { x, scale: 1.0, low, high };
             let mut points = Vec::new();
             let found = searched(place, &[1e-11], |x| {
                 points.push(x);
@@ -526,7 +526,7 @@ mod tests {
 
     #[test]
     fn a_domain_without_width_has_no_derivative() {
-        let place = Place { x: 1.0, scale: 1.0, low: 1.0, high: 1.0 };
+        let place = SearchPoint { x: 1.0, scale: 1.0, low: 1.0, high: 1.0 };
         assert_eq!(searched(place, &[1e-11], |x| vec![Some(x)]), [None]);
     }
 }

@@ -29,11 +29,11 @@ use fretwork_engine::request::fault::Fault;
 
 /// The distribution of a number that varies. The constructors check the parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Distribution(Kind);
+pub struct Distribution(Family);
 
-/// The kinds. The deviation of `Lognormal` is that of ln x, whose mean is ln `median`.
+/// The families. The deviation of `Lognormal` is that of ln x, whose mean is ln `median`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Kind {
+enum Family {
     Uniform { low: f64, high: f64 },
     LogUniform { low: f64, high: f64 },
     Normal { mean: f64, deviation: f64 },
@@ -49,7 +49,7 @@ impl Distribution {
     pub fn uniform(low: f64, high: f64) -> Result<Self, Fault> {
         finite("low", low)?;
         greater("high", high, "low", low)?;
-        Ok(Self(Kind::Uniform { low, high }))
+        Ok(Self(Family::Uniform { low, high }))
     }
 
     /// ln x is uniform: equal factors between `low` and `high` are equally probable.
@@ -59,7 +59,7 @@ impl Distribution {
     pub fn log_uniform(low: f64, high: f64) -> Result<Self, Fault> {
         positive("low", low)?;
         greater("high", high, "low", low)?;
-        Ok(Self(Kind::LogUniform { low, high }))
+        Ok(Self(Family::LogUniform { low, high }))
     }
 
     /// The normal distribution. Its values have no bounds, so some may be negative.
@@ -69,7 +69,7 @@ impl Distribution {
     pub fn normal(mean: f64, standard_deviation: f64) -> Result<Self, Fault> {
         finite("mean", mean)?;
         positive("standard_deviation", standard_deviation)?;
-        Ok(Self(Kind::Normal { mean, deviation: standard_deviation }))
+        Ok(Self(Family::Normal { mean, deviation: standard_deviation }))
     }
 
     /// The lognormal distribution by its median and the factor exp σ, where σ is the standard deviation of ln x. 68 %
@@ -85,7 +85,7 @@ impl Distribution {
             let detail = "must be greater than 1. With a factor of 2, 68 % of the values lie between half and twice the median";
             return Err(fault("factor", detail));
         }
-        Ok(Self(Kind::Lognormal { median, deviation: libm::log(factor) }))
+        Ok(Self(Family::Lognormal { median, deviation: libm::log(factor) }))
     }
 
     /// The lognormal distribution by the mean and the standard deviation of its values (not of their logarithms).
@@ -98,7 +98,7 @@ impl Distribution {
         let variation = standard_deviation / mean;
         let square = variation * variation;
         let (median, deviation) = (mean / (1.0 + square).sqrt(), libm::log1p(square).sqrt());
-        Ok(Self(Kind::Lognormal { median, deviation }))
+        Ok(Self(Family::Lognormal { median, deviation }))
     }
 
     /// The density rises in a straight line from `low` to `mode`, and falls in a straight line to `high`.
@@ -113,15 +113,15 @@ impl Distribution {
             let detail = "must lie between `low` and `high`. `mode` is the most probable value";
             return Err(fault("mode", detail));
         }
-        Ok(Self(Kind::Triangular { low, mode, high }))
+        Ok(Self(Family::Triangular { low, mode, high }))
     }
 
     /// The mean and the standard deviation of a normal distribution; those of the logarithm, and true, for a lognormal
     /// one; `None` for others.
     pub fn normal_parts(&self) -> Option<(f64, f64, bool)> {
         match self.0 {
-            Kind::Normal { mean, deviation } => Some((mean, deviation, false)),
-            Kind::Lognormal { median, deviation } => Some((libm::log(median), deviation, true)),
+            Family::Normal { mean, deviation } => Some((mean, deviation, false)),
+            Family::Lognormal { median, deviation } => Some((libm::log(median), deviation, true)),
             _ => None,
         }
     }
@@ -130,13 +130,13 @@ impl Distribution {
     pub fn quantile(&self, u: f64) -> f64 {
         match self.0 {
             // The rounded sum can lie beyond `high`.
-            Kind::Uniform { low, high } => (low + (high - low) * u).min(high),
-            Kind::LogUniform { low, high } => (low * libm::pow(high / low, u)).clamp(low, high),
-            Kind::Normal { mean, deviation } => mean + deviation * normal_quantile(u),
-            Kind::Lognormal { median, deviation } => {
+            Family::Uniform { low, high } => (low + (high - low) * u).min(high),
+            Family::LogUniform { low, high } => (low * libm::pow(high / low, u)).clamp(low, high),
+            Family::Normal { mean, deviation } => mean + deviation * normal_quantile(u),
+            Family::Lognormal { median, deviation } => {
                 median * libm::exp(deviation * normal_quantile(u))
             }
-            Kind::Triangular { low, mode, high } => {
+            Family::Triangular { low, mode, high } => {
                 let (rise, fall, width) = (mode - low, high - mode, high - low);
                 if u * width < rise {
                     low + (u * width * rise).sqrt()

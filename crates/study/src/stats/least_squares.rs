@@ -25,7 +25,7 @@ const INSIDE: f64 = 1e-3;
 
 /// When a search ends.
 #[derive(Debug, Clone, Copy)]
-pub struct Stop {
+pub struct StopCriteria {
     /// If a step reduces S by less than this share of it.
     pub decrease: f64,
     /// If a step is shorter than this, relative to the distances between the bounds.
@@ -40,12 +40,12 @@ pub type Residuals<'a, E> = dyn Fn(&[f64]) -> Result<Vec<f64>, E> + 'a;
 /// The derivatives of the residuals at u: a column for each coordinate.
 pub type Derivatives<'a, E> = dyn Fn(&[f64]) -> Result<Vec<Vec<f64>>, E> + 'a;
 
-struct Problem<'a, E> {
+struct Minimization<'a, E> {
     residuals: &'a Residuals<'a, E>,
     derivatives: &'a Derivatives<'a, E>,
 }
 
-impl<E> Residual for Problem<'_, E> {
+impl<E> Residual for Minimization<'_, E> {
     type Param = Vec<f64>;
     type Output = Vec<f64>;
     type Error = E;
@@ -55,7 +55,7 @@ impl<E> Residual for Problem<'_, E> {
     }
 }
 
-impl<E> Jacobian for Problem<'_, E> {
+impl<E> Jacobian for Minimization<'_, E> {
     type Jacobian = DenseMatrix;
 
     fn jacobian(&self, u: &Vec<f64>) -> Result<DenseMatrix, E> {
@@ -76,7 +76,7 @@ pub fn minimum<E>(
     residuals: &Residuals<'_, E>,
     derivatives: &Derivatives<'_, E>,
     start: &[f64],
-    stop: Stop,
+    stop: StopCriteria,
 ) -> Result<Vec<f64>, E> {
     let bounds = BoxBounds::new(Some(vec![0.0; start.len()]), Some(vec![1.0; start.len()]));
     let start = start.iter().map(|u| u.clamp(INSIDE, 1.0 - INSIDE)).collect();
@@ -84,7 +84,7 @@ pub fn minimum<E>(
         .with_absolute_scaled_gradient_tolerance(0.0)
         .with_relative_cost_change_tolerance(stop.decrease)
         .with_absolute_step_tolerance(stop.step);
-    let problem = Problem { residuals, derivatives };
+    let problem = Minimization { residuals, derivatives };
     let bounded = Constrained::new(problem, ConstraintSet::new().with_bounds(bounds));
     let found = Executor::new(bounded, solver, PointState::new(start)).max_iter(stop.steps).run();
     match found {
@@ -101,7 +101,7 @@ pub(super) mod tests {
 
     use super::*;
 
-    const STOP: Stop = Stop { decrease: 1e-14, step: 1e-10, steps: 200 };
+    const STOP: StopCriteria = StopCriteria { decrease: 1e-14, step: 1e-10, steps: 200 };
 
     /// The minimum of a function of SI numbers between these bounds, with derivatives by central differences.
     fn found(

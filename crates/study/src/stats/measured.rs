@@ -2,7 +2,7 @@
 //!
 //! The points of one cluster, such as all numbers from one specimen, have a common error. So a cluster of m points
 //! counts as one point: each of its points has the weight 1/m. If there are not more clusters than parameters, each
-//! point counts, and [`Measured::is_clustered`] is false.
+//! point counts, and [`MeasuredNumbers::is_clustered`] is false.
 //!
 //! The noise of a set of points is stated, or it is estimated from the scatter of the set. It can have a part that is a
 //! share of the true number. The prediction stands for that number, because a measured number that is too small by chance
@@ -68,7 +68,7 @@ pub struct Point {
     pub set: usize,
     /// The number of its cluster.
     pub cluster: usize,
-    /// Its weight w, which [`Measured::new`] computes. It is 0 if the point does not take part.
+    /// Its weight w, which [`MeasuredNumbers::new`] computes. It is 0 if the point does not take part.
     pub weight: f64,
 }
 
@@ -101,7 +101,7 @@ pub struct Noise {
 
 /// Measured numbers with weights.
 #[derive(Debug, Clone)]
-pub struct Measured {
+pub struct MeasuredNumbers {
     /// The numbers.
     pub points: Vec<Point>,
     /// For each set, whether its noise is estimated.
@@ -114,7 +114,7 @@ pub struct Measured {
     parameters: f64,
 }
 
-impl Measured {
+impl MeasuredNumbers {
     /// Numbers from which this number of parameters is estimated. Parameters with a prior are not counted.
     pub fn new(mut points: Vec<Point>, is_estimated: Vec<bool>, parameters: usize) -> Self {
         let mut sizes = BTreeMap::new();
@@ -397,7 +397,7 @@ mod tests {
     fn the_standard_errors_of_misra1a_have_the_certified_digits() {
         let b = [238.942_129_18, 5.501_564_318_1e-4];
         let points = MISRA.iter().enumerate().map(|(place, (_, y))| point(*y, 1.0, 0, place));
-        let measured = Measured::new(points.collect(), vec![true], 2);
+        let measured = MeasuredNumbers::new(points.collect(), vec![true], 2);
         let predicted: Vec<f64> =
             MISRA.iter().map(|(x, _)| b[0] * (1.0 - libm::exp(-b[1] * x))).collect();
         let noise = measured.noise(&predicted);
@@ -426,8 +426,8 @@ mod tests {
     fn numbers_beyond_the_distance_of_huber_widen_intervals() {
         let values = [0.0, 0.0, 0.0, 0.0, 0.0, 5.0, 5.0, -5.0];
         let points = values.iter().enumerate().map(|(place, y)| point(*y, 1.0, 0, place));
-        let mut measured = Measured::new(points.collect(), vec![false], 1);
-        let spread = |measured: &Measured| {
+        let mut measured = MeasuredNumbers::new(points.collect(), vec![false], 1);
+        let spread = |measured: &MeasuredNumbers| {
             let noise = measured.noise(&[0.0; 8]);
             measured.spread(&noise, &measured.distances(&[0.0; 8], &noise))
         };
@@ -447,7 +447,7 @@ mod tests {
         let repeated: Vec<_> = single.iter().flat_map(|point| [*point; 4]).collect();
         for is_estimated in [true, false] {
             let of = |points: &[Point]| {
-                let measured = Measured::new(points.to_vec(), vec![is_estimated], 1);
+                let measured = MeasuredNumbers::new(points.to_vec(), vec![is_estimated], 1);
                 let predicted = vec![2.0; points.len()];
                 let noise = measured.noise(&predicted);
                 let residuals = measured.residuals(&predicted, &noise);
@@ -459,7 +459,7 @@ mod tests {
             close(four.1, one.1);
             assert_eq!((four.2, four.3), (one.2, one.3));
         }
-        let both = Measured::new(repeated[..8].to_vec(), vec![false], 2);
+        let both = MeasuredNumbers::new(repeated[..8].to_vec(), vec![false], 2);
         assert!(!both.is_clustered && (both.count(None) - 8.0).abs() < 1e-12);
     }
 
@@ -469,18 +469,18 @@ mod tests {
         let values = [1.0, 3.0, 2.0, 4.0, 1.0, 1.0];
         let points: Vec<_> =
             values.iter().enumerate().map(|(i, y)| point(*y, 0.5, i / 3, i)).collect();
-        let measured = Measured::new(points.clone(), vec![true, false], 1);
+        let measured = MeasuredNumbers::new(points.clone(), vec![true, false], 1);
         let factors = measured.noise(&[2.0; 6]).factors;
         close(factors[0], (8.0_f64 / (3.0 * 5.0 / 6.0)).sqrt());
         assert!((factors[1] - 1.0).abs() < 1e-15);
         assert_eq!(measured.freedom(), Some(2));
         close(measured.factor(0.95), 4.302_652_729_749_462);
-        let stated = Measured::new(points, vec![false, false], 1);
+        let stated = MeasuredNumbers::new(points, vec![false, false], 1);
         assert_eq!(stated.freedom(), None);
         close(stated.factor(0.95), 1.959_963_984_540_054);
         // A numerical error of 0.3 beside a noise of 0.4.
         let numerical = Point { numerical: 0.3, ..point(1.0, 0.4, 0, 0) };
-        let measured = Measured::new(vec![numerical], vec![false], 0);
+        let measured = MeasuredNumbers::new(vec![numerical], vec![false], 0);
         close(measured.residuals(&[2.0], &measured.noise(&[2.0]))[0], 2.0);
         assert!((measured.without(|_| true).count(None)).abs() < 1e-15);
     }
@@ -492,10 +492,11 @@ mod tests {
         let predicted = [1.0, 2.0, 3.0, 4.0, 5.0];
         // n ln(RSS/n) + n + 2K + 2K(K + 1)/(n − K − 1) with RSS = 1.5, n = 5, K = 2.
         let known = 5.0 * libm::log(0.3) + 5.0 + 4.0 + 6.0;
-        let found = Measured::new(points.clone(), vec![true], 1).aicc(&predicted, 1).unwrap();
+        let found =
+            MeasuredNumbers::new(points.clone(), vec![true], 1).aicc(&predicted, 1).unwrap();
         close(found, known);
         // RSS + 2K + 2K(K + 1)/(n − K − 1) with K = 1.
-        let stated = Measured::new(points, vec![false], 1);
+        let stated = MeasuredNumbers::new(points, vec![false], 1);
         close(stated.aicc(&predicted, 1).unwrap(), 1.5 + 2.0 + 4.0 / 3.0);
         assert_eq!(stated.aicc(&predicted, 3), None);
     }

@@ -39,7 +39,7 @@ const INNERMOST: f64 = 0.02;
 const GROUP: usize = 12;
 
 /// The entries of one column in a group of rows.
-type Column = [f64; GROUP];
+type GroupColumn = [f64; GROUP];
 
 /// Nodes, cells and the matrix A of a shape.
 #[derive(Debug, Clone)]
@@ -59,11 +59,11 @@ pub struct Mesh {
     /// The area of each node in its coordinate: V = π Σ areas·w, or 2 Σ areas·w in a line contact.
     areas: Vec<f64>,
     /// The matrix A in groups of rows, each column by column. Row q of A is A_q1 … A_q,q+1.
-    image: Vec<Vec<Column>>,
+    image: Vec<Vec<GroupColumn>>,
     /// The column A_q0 of the first node. Empty unless the wear of the first node is a number of its own.
     first: Vec<f64>,
     /// The matrix of the pressure in groups of rows, each column by column from the diagonal on.
-    pressure: Vec<Vec<Column>>,
+    pressure: Vec<Vec<GroupColumn>>,
     /// Mean over each cell of the image before any wear on this mesh.
     pub(crate) initial: Vec<f64>,
     /// ∫₀^r₀ (1 − g) dx. Nothing wears there on this mesh.
@@ -326,7 +326,7 @@ fn place_nodes(radii: &mut [f64], kinks: &[f64]) {
 }
 
 /// The products of a group of rows with a vector, which can be shorter than the rows.
-fn products(columns: &[Column], vector: &[f64]) -> Column {
+fn products(columns: &[GroupColumn], vector: &[f64]) -> GroupColumn {
     let mut sums = [0.0; GROUP];
     for (column, value) in columns.iter().zip(vector) {
         for (sum, entry) in sums.iter_mut().zip(column) {
@@ -337,9 +337,9 @@ fn products(columns: &[Column], vector: &[f64]) -> Column {
 }
 
 /// The matrix A. Each cell contributes the mean of the image of a unit slope dw/dt.
-fn image(radii: &[f64], squares: &[f64]) -> Vec<Vec<Column>> {
+fn image(radii: &[f64], squares: &[f64]) -> Vec<Vec<GroupColumn>> {
     let (cells, axis) = (radii.len() - 1, radii[0] == 0.0);
-    let mut groups: Vec<Vec<Column>> = (0..cells)
+    let mut groups: Vec<Vec<GroupColumn>> = (0..cells)
         .step_by(GROUP)
         .map(|first| vec![[0.0; GROUP]; (first + GROUP).min(cells)])
         .collect();
@@ -377,9 +377,9 @@ fn image(radii: &[f64], squares: &[f64]) -> Vec<Vec<Column>> {
 }
 
 /// The matrix A of a line contact, and its column of the first node.
-fn line_image(radii: &[f64], weights: &[f64]) -> (Vec<Vec<Column>>, Vec<f64>) {
+fn line_image(radii: &[f64], weights: &[f64]) -> (Vec<Vec<GroupColumn>>, Vec<f64>) {
     let cells = weights.len();
-    let mut groups: Vec<Vec<Column>> = (0..cells)
+    let mut groups: Vec<Vec<GroupColumn>> = (0..cells)
         .step_by(GROUP)
         .map(|first| vec![[0.0; GROUP]; (first + GROUP).min(cells)])
         .collect();
@@ -415,11 +415,11 @@ fn line_image(radii: &[f64], weights: &[f64]) -> (Vec<Vec<Column>>, Vec<f64>) {
 
 /// The matrix of the pressure: the transpose of A with the weights of springs and the areas of nodes.
 fn pressure(
-    image: &[Vec<Column>],
+    image: &[Vec<GroupColumn>],
     weights: &[f64],
     areas: &[f64],
     per_load: f64,
-) -> Vec<Vec<Column>> {
+) -> Vec<Vec<GroupColumn>> {
     let per_area: Vec<f64> = areas.iter().map(|area| per_load / area).collect();
     let group = |(group, per_area): (usize, &[f64])| {
         let first = group * GROUP;

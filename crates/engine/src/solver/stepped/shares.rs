@@ -29,14 +29,14 @@ pub(crate) struct BodyShares {
     /// The unit of the slip in a₀.
     unit: f64,
     /// The states at the start and at the end of the last step, and its block.
-    began: Shared,
-    ended: Shared,
+    began: SweptLengths,
+    ended: SweptLengths,
     block: usize,
 }
 
 /// One state of the contact.
 #[derive(Debug, Clone, Copy)]
-struct Shared {
+struct SweptLengths {
     /// The depth of each body if both were swept over the same length.
     plain: [f64; 2],
     /// The half-length ℓ that is swept on each body, in a₀.
@@ -49,7 +49,7 @@ impl BodyShares {
     /// Starts with unworn bodies. `share` is that of the body with the profile, unless the bodies have layers, and `unit`
     /// the unit of the slip in a₀.
     pub(crate) fn new(share: f64, unit: f64, wearing: &Wearing) -> Self {
-        let unworn = Shared { plain: [0.0; 2], lengths: [1.0; 2], depths: [0.0; 2] };
+        let unworn = SweptLengths { plain: [0.0; 2], lengths: [1.0; 2], depths: [0.0; 2] };
         let mut new = Self { share, unit, began: unworn, ended: unworn, block: 0 };
         new.ended.lengths = new.lengths(wearing, &vec![0.0; wearing.springs.mesh.radii.len()]);
         new
@@ -72,9 +72,9 @@ impl BodyShares {
     }
 
     /// A state within the last step.
-    fn shared(&self, wearing: &Wearing, values: &[f64]) -> Shared {
+    fn shared(&self, wearing: &Wearing, values: &[f64]) -> SweptLengths {
         let (plain, lengths) = (self.plain(wearing, values), self.lengths(wearing, values));
-        let Shared { plain: before, lengths: first, mut depths } = self.began;
+        let SweptLengths { plain: before, lengths: first, mut depths } = self.began;
         // Numerical noise removes nothing.
         let plain = [0, 1].map(|body| plain[body].max(before[body]));
         let added = [0, 1].map(|body| plain[body] - before[body]);
@@ -82,7 +82,7 @@ impl BodyShares {
         for body in [0, 1] {
             depths[body] += (added[0] + added[1]) * shares[body];
         }
-        Shared { plain, lengths, depths }
+        SweptLengths { plain, lengths, depths }
     }
 
     fn plain(&self, wearing: &Wearing, values: &[f64]) -> [f64; 2] {

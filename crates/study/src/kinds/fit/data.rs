@@ -8,11 +8,11 @@ use fretwork_engine::request::fault::{Faults, unknown};
 use fretwork_engine::request::fields::{Given, List};
 use serde_json::{Value, json};
 
-use super::model::{Parameter, Quantity, Set};
+use super::model::{MeasuredQuantity, Parameter, Set};
 use super::search::{Fit, tasks};
 use super::sets::set;
 use crate::member::Member;
-use crate::stats::measured::{Measured, Point};
+use crate::stats::measured::{MeasuredNumbers, Point};
 use crate::vary::{Spacing, Values, Varied, distribution_of};
 use fretwork_json::typed;
 
@@ -129,7 +129,7 @@ fn parameter(
         let distribution = distribution_of(&given, &member)?.normal_parts();
         let (middle, deviation, is_log) =
             distribution.ok_or_else(|| "must be `normal` or `lognormal`".to_owned())?;
-        let quantity = Quantity::Prior { parameter: place, is_log };
+        let quantity = MeasuredQuantity::Prior { parameter: place, is_log };
         let (test, output, unit) = (tests.len(), pointer.clone(), "1");
         let (x, y, noise) = (vec![0.0], vec![Some(middle)], vec![deviation]);
         Ok::<_, Faults>(Set { test, output, unit, quantity, x, y, noise, ..Set::default() })
@@ -294,7 +294,7 @@ pub fn fit(
     let positions = positions.flat_map(|(place, set)| (0..set.x.len()).map(move |it| (place, it)));
     Ok(Fit {
         positions: positions.collect(),
-        measured: Measured::new(points, is_estimated, parameters.len()),
+        measured: MeasuredNumbers::new(points, is_estimated, parameters.len()),
         starts: (0..starts).map(|start| start_at(start, &parameters)).collect(),
         tasks: tasks(starts, parameters.len(), tests.len(), coefficient.is_some()),
         tests: tests.into_iter().map(|test| test.name).chain(["prior".to_owned()]).collect(),

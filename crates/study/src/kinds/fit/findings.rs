@@ -7,7 +7,7 @@ use super::model::Set;
 use super::search::{Fit, Known, Task};
 use super::told::Told;
 use crate::member::Member;
-use crate::plan::{Cells, Findings, Table};
+use crate::plan::{Cells, Findings, NamedCells};
 use crate::problem::Problem;
 use crate::rows::Rows;
 use crate::stats::origin::Line;
@@ -85,7 +85,7 @@ fn number(x: f64) -> Value {
 }
 
 /// The numbers at these positions, and their columns from the prediction on, if they are known.
-fn table(fit: &Fit, places: &[usize], bands: &[[f64; 8]]) -> Table {
+fn table(fit: &Fit, places: &[usize], bands: &[[f64; 8]]) -> NamedCells {
     let texts = |of: &dyn Fn(&Set) -> String| {
         Cells::Texts(places.iter().map(|place| of(fit.set(*place))).collect())
     };

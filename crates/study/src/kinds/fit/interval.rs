@@ -1,7 +1,7 @@
 //! The ends of the intervals of a fit, from the profiles of the sum of squares.
 
 use super::model::Parameter;
-use super::search::{Fit, Known, Row, Task};
+use super::search::{Fit, FitRow, Known, Task};
 
 /// The accepted error of the last value in a profile.
 const SAME_RISE: f64 = 0.02;
@@ -19,7 +19,7 @@ pub struct Side<'a> {
     rise: f64,
     /// The row from which the search for the end goes on: that of the best parameters, until their own end is found. Then the
     /// farthest start beyond it that describes the data about as well.
-    pub base: &'a Row,
+    pub base: &'a FitRow,
     /// Whether this is a start at another minimum.
     pub is_other: bool,
     /// The visited values in the profile beyond it: the distance in coordinates, and the square root of the rise of S.
@@ -38,7 +38,7 @@ impl Fit {
         let unit = known.measured.freedom().map_or(1.0, |_| best.sum / start.sum);
         let near = starts.iter().filter(|row| (row.sum - start.sum) * unit < rise * rise);
         // The best parameters can be beside the start that led to them, because only they know numerical errors.
-        let distance = |row: &Row| side.distance(best, row).min(side.distance(start, row));
+        let distance = |row: &FitRow| side.distance(best, row).min(side.distance(start, row));
         let far = near.max_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(start);
         let mut own = side.visited.clone();
         own.retain(|it| it.0 < distance(far));
@@ -51,18 +51,18 @@ impl Fit {
 
 impl Side<'_> {
     /// The coordinate of the parameter, which grows to 1 on this side.
-    fn coordinate(&self, row: &Row) -> f64 {
+    fn coordinate(&self, row: &FitRow) -> f64 {
         let u = self.fit.parameters[self.place].coordinate(row.theta[self.place]);
         if self.is_high { u } else { 1.0 - u }
     }
 
     /// How far the parameter of a row is beyond that of another one, in coordinates.
-    fn distance(&self, from: &Row, to: &Row) -> f64 {
+    fn distance(&self, from: &FitRow, to: &FitRow) -> f64 {
         self.coordinate(to) - self.coordinate(from)
     }
 
     /// The visited values beyond a row.
-    fn beyond(&self, base: &Row) -> Vec<(f64, f64)> {
+    fn beyond(&self, base: &FitRow) -> Vec<(f64, f64)> {
         let own = Task::Profile { parameter: self.place, is_high: self.is_high };
         let least = self.known.rows[self.known.minimum].sum;
         let rows = self.known.rows.iter().zip(&self.fit.tasks).filter(|it| it.1.1 == own);

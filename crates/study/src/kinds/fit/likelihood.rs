@@ -17,11 +17,11 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::model::Parameter;
-use super::search::{Fit, Known, Search, Wanted};
+use super::search::{Fit, Known, Search, WantedRun};
 use crate::claimed::{Columns, column_of};
 use crate::plan::{Column, Plan as _, Tried};
 use crate::problem::Problem;
-use crate::study::Point;
+use crate::study::PointRun;
 
 /// The answer where a prediction is missing. JSON has no infinity, and differences of two such numbers must be finite.
 /// Outside of the bounds, the answer falls with the distance from them, so that a search finds back.
@@ -39,7 +39,7 @@ pub struct Likelihood {
 
 /// The members of the document of a fit that it needs.
 #[derive(Deserialize)]
-struct Document<'a> {
+struct FitDocument<'a> {
     fit: Value,
     #[serde(borrow)]
     searches: Columns<'a>,
@@ -51,7 +51,7 @@ pub struct LikelihoodCall {
     of: Arc<Likelihood>,
     theta: Vec<f64>,
     is_gradient: bool,
-    point: Point,
+    point: PointRun,
 }
 
 impl Likelihood {
@@ -60,7 +60,8 @@ impl Likelihood {
     /// # Errors
     /// A clause for the client: the document is not one of a fit that has found a minimum.
     pub fn read(document: &[u8]) -> Result<Self, String> {
-        let read: Document = serde_json::from_slice(document).map_err(|error| error.to_string())?;
+        let read: FitDocument =
+            serde_json::from_slice(document).map_err(|error| error.to_string())?;
         let faults = |_| "this version of the server cannot read its fit".to_owned();
         let (problem, fit) = super::parsed(read.fit).map_err(faults)?;
         let cells = |column: Column| column_of(&read.searches, &column.name, fit.points()).ok();
@@ -86,7 +87,7 @@ impl Likelihood {
 
     /// Prepares the log likelihood of these values in SI, or its gradient.
     pub fn at(self: &Arc<Self>, theta: Vec<f64>, is_gradient: bool) -> LikelihoodCall {
-        LikelihoodCall { of: Arc::clone(self), theta, is_gradient, point: Point::default() }
+        LikelihoodCall { of: Arc::clone(self), theta, is_gradient, point: PointRun::default() }
     }
 
     /// The answer outside of the bounds: the value, or its gradient. `None` inside of them.
@@ -110,7 +111,7 @@ impl Likelihood {
         Some(self.fit.parameters.iter().zip(&outside).map(slope).collect())
     }
 
-    fn value(&self, theta: &[f64], tried: &[Tried]) -> Result<f64, Wanted> {
+    fn value(&self, theta: &[f64], tried: &[Tried]) -> Result<f64, WantedRun> {
         let residuals = self.search(tried).residuals(theta)?;
         let terms = self.known.measured.taking_part().map(|(place, point)| {
             let deviation = self.known.noise.deviations[place];
@@ -121,7 +122,7 @@ impl Likelihood {
         Ok(if value.is_finite() { value } else { IMPOSSIBLE })
     }
 
-    fn gradient(&self, theta: &[f64], tried: &[Tried]) -> Result<Vec<f64>, Wanted> {
+    fn gradient(&self, theta: &[f64], tried: &[Tried]) -> Result<Vec<f64>, WantedRun> {
         let parameters = &self.fit.parameters;
         let u: Vec<f64> = parameters.iter().zip(theta).map(|(it, x)| it.coordinate(*x)).collect();
         let at = |u: &[f64]| -> Vec<f64> {

@@ -22,7 +22,7 @@ use serde_json::{Value, json};
 use self::data::GivenTest;
 pub use self::likelihood::{Likelihood, LikelihoodCall};
 use self::model::{Runs, Set};
-use self::search::{Fit, Row};
+use self::search::{Fit, FitRow};
 use crate::plan::StudyFigure::{Bands, Energy, Profile, Residuals};
 use crate::plan::{Column, Findings, Hints, Kind, Plan, Read, Tried};
 use crate::problem::{Found, Lack, Problem, small_members};
@@ -58,7 +58,7 @@ const TEXT: usize = 400;
 /// The body of a fit.
 #[derive(Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
-struct Request {
+struct FitBody {
     #[deserr(default, rename = "version")]
     _version: Given<Whole<1, 1>>,
     scenario: Value,
@@ -95,7 +95,7 @@ fn read(fit: Value) -> Result<Read, Faults> {
 }
 
 fn parsed(fit: Value) -> Result<(Problem, Fit), Faults> {
-    let Request { scenario, parameters, tests, confidence, starts, loss, without, .. } =
+    let FitBody { scenario, parameters, tests, confidence, starts, loss, without, .. } =
         typed(fit)?;
     let confidence = confidence.0.unwrap_or(CONFIDENCE);
     if !(0.5..=0.9999).contains(&confidence) {
@@ -132,9 +132,9 @@ impl Plan for Fit {
     ) -> Result<Tried, Vec<f64>> {
         let (row, lack) = match self.computed(number, earlier, tried)? {
             Ok(row) => (row, None),
-            Err(lack) => (Row::missing(), Some(Lack::Incomplete(lack))),
+            Err(lack) => (FitRow::missing(), Some(Lack::Incomplete(lack))),
         };
-        let Row { mut theta, sum, error, mut numbers, .. } = row;
+        let FitRow { mut theta, sum, error, mut numbers, .. } = row;
         theta.resize(self.parameters.len(), f64::NAN);
         numbers.resize(self.positions.len(), f64::NAN);
         let cells = theta.into_iter().chain([sum, tried.len() as f64, error]).chain(numbers);

@@ -86,7 +86,7 @@ impl Parameter {
 
 /// A measured quantity.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Quantity {
+pub enum MeasuredQuantity {
     /// A column of the history, times a factor.
     Column { column: &'static str, factor: f64 },
     /// The depth of the scar after a number of cycles, perhaps of one body.
@@ -95,7 +95,7 @@ pub enum Quantity {
     Prior { parameter: usize, is_log: bool },
 }
 
-impl Default for Quantity {
+impl Default for MeasuredQuantity {
     fn default() -> Self {
         Self::Prior { parameter: 0, is_log: false }
     }
@@ -110,7 +110,7 @@ pub struct Set {
     pub unit: &'static str,
     /// What x is.
     pub over: &'static str,
-    pub quantity: Quantity,
+    pub quantity: MeasuredQuantity,
     /// The points. After the measured ones, points of a grid follow, for bands. `y` is `None` for a number that was not
     /// measured.
     pub x: Vec<f64>,
@@ -163,8 +163,9 @@ impl Set {
     /// Whether these are depths; `None` if they are neither depths nor volumes.
     pub fn are_depths(&self) -> Option<bool> {
         match self.quantity {
-            Quantity::Profile { .. } | Quantity::Column { column: "wear_depth", .. } => Some(true),
-            Quantity::Column { column: "wear_volume", .. } => Some(false),
+            MeasuredQuantity::Profile { .. }
+            | MeasuredQuantity::Column { column: "wear_depth", .. } => Some(true),
+            MeasuredQuantity::Column { column: "wear_volume", .. } => Some(false),
             _ => None,
         }
     }
@@ -202,15 +203,15 @@ impl Set {
         nodes.dedup();
         let mut column = "wear_depth";
         match self.quantity {
-            Quantity::Profile { at, body } => {
+            MeasuredQuantity::Profile { at, body } => {
                 let radii = std::mem::replace(&mut nodes, vec![at]);
                 profiles = Some(CommonProfiles { radii, fields: vec![Field::Wear], body });
             }
-            Quantity::Column { column: own_column, .. } => {
+            MeasuredQuantity::Column { column: own_column, .. } => {
                 column = own_column;
                 rescaled = own.iter().position(|(_, it)| only_rescales(&it.pointer, &scenario));
             }
-            Quantity::Prior { .. } => return Ok(()),
+            MeasuredQuantity::Prior { .. } => return Ok(()),
         }
         if rescaled.is_some() {
             nodes = shared_nodes(nodes[0], nodes[nodes.len() - 1]);
@@ -255,12 +256,12 @@ impl Set {
         run: Option<(&[f64], &Found)>,
     ) -> Option<(f64, f64)> {
         let x = self.x[entry];
-        if let Quantity::Prior { parameter, is_log } = self.quantity {
+        if let MeasuredQuantity::Prior { parameter, is_log } = self.quantity {
             let value = theta[parameter];
             return Some((if is_log { libm::log(value) } else { value }, 0.0));
         }
         let Runs { rescaled, nodes, parameters, line, .. } = self.runs.as_ref()?;
-        let Quantity::Column { column, factor } = self.quantity else {
+        let MeasuredQuantity::Column { column, factor } = self.quantity else {
             let (_, found) = run?;
             let radii = &self.runs.as_ref()?.problem.profiles.as_ref()?.radii;
             let radius = radii.partition_point(|radius| *radius < x);

@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::interval::Side;
 use super::model::{Parameter, Set};
-use super::search::{Row, Task};
+use super::search::{FitRow, Task};
 use super::told::{MANY, Repeats, Told};
 use crate::stats::fisher;
 use crate::stats::measured::Direction;
@@ -23,7 +23,7 @@ const VOLUMES: [(&str, f64); 4] = [("m^3", 0.0), ("cm^3", -6.0), ("mm^3", -9.0),
 const MASSES: [(&str, f64); 3] = [("kg", 0.0), ("mg", -6.0), ("ug", -9.0)];
 
 /// The kind of a remark, and its text.
-type Note = (&'static str, String);
+type Remark = (&'static str, String);
 
 /// A probability in a text.
 fn in_words(probability: f64) -> String {
@@ -36,7 +36,7 @@ fn parts(direction: &Direction) -> Vec<(usize, f64)> {
 }
 
 /// That the points scatter more around the fit than repeated tests.
-fn worse_than_repeats(repeats: Option<Repeats>) -> Option<Note> {
+fn worse_than_repeats(repeats: Option<Repeats>) -> Option<Remark> {
     let Repeats { statistic, probability, .. } =
         repeats.filter(|it| it.probability < IMPROBABLE)?;
     let probability = in_words(probability);
@@ -113,7 +113,7 @@ impl Told<'_> {
     }
 
     /// That the best value of a parameter is at an end of its range, or that its interval has no end.
-    fn end(&self, place: usize) -> Option<Note> {
+    fn end(&self, place: usize) -> Option<Remark> {
         let parameter @ Parameter { low, high, .. } = &self.fit.parameters[place];
         let name = parameter.name();
         let mut open = self.sides[place].iter().filter(|side| side.end().is_none());
@@ -141,7 +141,7 @@ impl Told<'_> {
     }
 
     /// How the points of a specimen count.
-    fn clusters(&self) -> Option<Note> {
+    fn clusters(&self) -> Option<Remark> {
         let (points, count) = (self.points().count(), self.known.measured.count(None));
         let detail = if !self.known.measured.is_clustered {
             "There are not more specimens than parameters, so each point counts as independent. The intervals do not \
@@ -158,7 +158,7 @@ impl Told<'_> {
     }
 
     /// That a search for an interval has found a better minimum.
-    fn lower_minimum(&self) -> Option<Note> {
+    fn lower_minimum(&self) -> Option<Remark> {
         let is_profile = |task: &Task| matches!(task, Task::Profile { .. });
         let mut own = self.fit.tasks.iter().zip(&self.known.rows).filter(|it| is_profile(&it.0.1));
         let detail =
@@ -168,7 +168,7 @@ impl Told<'_> {
     }
 
     /// What is said of the outliers.
-    fn disagreement(&self) -> Option<Note> {
+    fn disagreement(&self) -> Option<Remark> {
         let word = |place: &usize| {
             let (set, size) = (self.fit.set(*place), self.studentized[place].abs());
             let (x, test) = (self.fit.x(*place), &self.fit.tests[set.test]);
@@ -181,7 +181,7 @@ impl Told<'_> {
     }
 
     /// The units that the volumes or masses seem to have, if they are many powers of ten from those at the first start.
-    fn magnitude(&self) -> Option<Note> {
+    fn magnitude(&self) -> Option<Remark> {
         let place = self.fit.parameters.iter().position(|it| it.pointer.starts_with("/wear/"))?;
         let is_volume = |it: &usize| self.fit.set(*it).are_depths() == Some(false);
         let unit = self.fit.set(self.points().map(|it| it.0).find(is_volume)?).unit;
@@ -203,9 +203,9 @@ impl Told<'_> {
     }
 
     /// That a start has led to another minimum that describes the data about as well.
-    fn other_minimum(&self) -> Option<Note> {
+    fn other_minimum(&self) -> Option<Remark> {
         let other = self.sides.iter().flatten().find(|side| side.is_other)?.base;
-        let words = |row: &Row| {
+        let words = |row: &FitRow| {
             let values = self.fit.parameters.iter().zip(&row.theta);
             let values = values.map(|(it, x)| format!("`{}` = {x:.3e}", it.name()));
             values.collect::<Vec<_>>().join(", ")
@@ -234,7 +234,7 @@ impl Told<'_> {
 
     /// Whether the residuals are larger than the noise, and whether the law is the reason. It is not if repeated tests scatter
     /// more than stated, and as much.
-    fn misfit(&self, repeats: Option<Repeats>) -> Option<Note> {
+    fn misfit(&self, repeats: Option<Repeats>) -> Option<Remark> {
         if let Some((size, probability)) = self.excess() {
             let as_far = repeats.filter(|it| it.probability >= IMPROBABLE);
             if let Some(excess) = as_far.and_then(|it| it.excess) {
@@ -264,7 +264,7 @@ impl Told<'_> {
     }
 
     /// The coefficient from volumes alone and from depths alone, if their intervals do not overlap.
-    fn discrepancy(&self) -> Option<Note> {
+    fn discrepancy(&self) -> Option<Remark> {
         let place = self.fit.coefficient?;
         let slopes = &self.fit.derivatives(self.known)[place].numbers;
         let interval = |are_depths: bool| {

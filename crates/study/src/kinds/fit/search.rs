@@ -12,17 +12,17 @@
 use crate::plan::Tried;
 use crate::problem::Lack;
 use crate::rows::Rows;
-use crate::stats::derivative::{Derivative, Place, derivatives};
-use crate::stats::least_squares::{self, Stop};
-use crate::stats::measured::{Information, Measured, Noise};
+use crate::stats::derivative::{Derivative, SearchPoint, derivatives};
+use crate::stats::least_squares::{self, StopCriteria};
+use crate::stats::measured::{Information, MeasuredNumbers, Noise};
 
-use super::model::{Parameter, Quantity, Runs, Set};
+use super::model::{MeasuredQuantity, Parameter, Runs, Set};
 
 /// Relative change of a parameter from which a search takes its differences. Numerical noise is much smaller.
 const DIFFERENCE: f64 = 0.04;
 /// When searches end: from the starts and in profiles, and elsewhere.
-const COARSE: Stop = Stop { decrease: 1e-3, step: 1e-3, steps: 25 };
-const FINE: Stop = Stop { decrease: 1e-5, step: 1e-4, steps: 20 };
+const COARSE: StopCriteria = StopCriteria { decrease: 1e-3, step: 1e-3, steps: 25 };
+const FINE: StopCriteria = StopCriteria { decrease: 1e-5, step: 1e-4, steps: 20 };
 /// The noise is computed anew at most this often, and until it changes by less than this share.
 const ESTIMATES: usize = 30;
 const SAME_NOISE: f64 = 0.01;
@@ -45,7 +45,7 @@ pub struct Fit {
     /// The outputs whose noise is estimated, for each kind of noise; `None` for stated noise.
     pub noises: Vec<Option<String>>,
     /// The numbers at all positions, without numerical errors.
-    pub measured: Measured,
+    pub measured: MeasuredNumbers,
     /// The names of the tests.
     pub tests: Vec<String>,
     /// The parameter that is also estimated from volumes and from depths alone, if there are both.
@@ -88,11 +88,11 @@ pub fn tasks(
 }
 
 /// The values of a run that is not known: the index of its set, and the values of its members.
-pub type Wanted = Vec<f64>;
+pub type WantedRun = Vec<f64>;
 
 /// A row. A missing number is NaN.
 #[derive(Debug, Default)]
-pub struct Row {
+pub struct FitRow {
     pub theta: Vec<f64>,
     pub sum: f64,
     pub runs: f64,
@@ -104,7 +104,7 @@ pub struct Row {
     pub numbers: Vec<f64>,
 }
 
-impl Row {
+impl FitRow {
     /// A row without numbers.
     pub fn missing() -> Self {
         Self { sum: f64::NAN, error: f64::NAN, ..Self::default() }
@@ -114,11 +114,11 @@ impl Row {
 /// What the rows of the first stages say.
 #[derive(Debug)]
 pub struct Known {
-    pub rows: Vec<Row>,
+    pub rows: Vec<FitRow>,
     /// The best start.
     pub start: usize,
     /// The numbers with the numerical errors of the runs of the best start.
-    pub measured: Measured,
+    pub measured: MeasuredNumbers,
     /// The index of the minimum.
     pub minimum: usize,
     /// The noise and the distances of the measured numbers at the minimum.
@@ -132,7 +132,7 @@ pub struct Known {
 pub struct Search<'a> {
     pub fit: &'a Fit,
     pub tried: &'a [Tried],
-    pub measured: &'a Measured,
+    pub measured: &'a MeasuredNumbers,
     pub noise: &'a Noise,
 }
 
@@ -145,7 +145,7 @@ impl Search<'_> {
         u: &[f64],
         free: &[usize],
         is_fine: bool,
-    ) -> Result<Vec<Vec<f64>>, Wanted> {
+    ) -> Result<Vec<Vec<f64>>, WantedRun> {
         let middle = &self.residuals(&at(u))?;
         let column = |place: usize| {
             let parameter = &self.fit.parameters[free[place]];
@@ -156,7 +156,7 @@ impl Search<'_> {
                 let found = self.residuals(&at(&other))?;
                 let is_known = found.iter().all(|residual| residual.is_finite());
                 let found = Some((other[place], found)).filter(|_| is_known);
-                Ok::<_, Wanted>(found.unwrap_or_else(|| (u[place], middle.clone())))
+                Ok::<_, WantedRun>(found.unwrap_or_else(|| (u[place], middle.clone())))
             };
             let (high, above) = beside(DIFFERENCE)?;
             let is_one_sided = !is_fine && high > u[place];
@@ -167,17 +167,22 @@ impl Search<'_> {
         (0..u.len()).map(column).collect()
     }
 
-    pub fn residuals(&self, theta: &[f64]) -> Result<Vec<f64>, Wanted> {
+    pub fn residuals(&self, theta: &[f64]) -> Result<Vec<f64>, WantedRun> {
         let [predicted, _] = self.fit.predicted(theta, self.tried)?;
         Ok(self.measured.residuals(&predicted, self.noise))
     }
 
-    fn sum(&self, theta: &[f64]) -> Result<f64, Wanted> {
+    fn sum(&self, theta: &[f64]) -> Result<f64, WantedRun> {
         Ok(self.residuals(theta)?.iter().map(|residual| residual * residual).sum())
     }
 
     /// The row of the minimum near these parameters, of which some are free.
-    fn minimum(&self, theta: &[f64], free: &[usize], stop: Stop) -> Result<Row, Wanted> {
+    fn minimum(
+        &self,
+        theta: &[f64],
+        free: &[usize],
+        stop: StopCriteria,
+    ) -> Result<FitRow, WantedRun> {
         let at = |u: &[f64]| {
             let mut theta = theta.to_vec();
             free.iter().zip(u).for_each(|(it, u)| theta[*it] = self.fit.parameters[*it].value(*u));
@@ -192,16 +197,16 @@ impl Search<'_> {
             0 => theta.to_vec(),
             _ => at(&least_squares::minimum(&residuals, &derivatives, &start, stop)?),
         };
-        Ok(Row { sum: self.sum(&theta)?, theta, ..Row::default() })
+        Ok(FitRow { sum: self.sum(&theta)?, theta, ..FitRow::default() })
     }
 
     /// The row of the minimum near these parameters with its noise, which is computed anew until it stays the same.
     fn settled(
         &self,
         theta: &[f64],
-        stop: Stop,
+        stop: StopCriteria,
         noise: &dyn Fn(&[f64]) -> Noise,
-    ) -> Result<(Row, Noise), Wanted> {
+    ) -> Result<(FitRow, Noise), WantedRun> {
         let all: Vec<usize> = (0..theta.len()).collect();
         let (mut theta, mut held) = (theta.to_vec(), self.noise.clone());
         for _ in 0..ESTIMATES {
@@ -217,7 +222,7 @@ impl Search<'_> {
         }
         let sum = Search { noise: &held, ..*self }.sum(&theta)?;
         let [numbers, _] = self.fit.predicted(&theta, self.tried)?;
-        Ok((Row { theta, sum, numbers, ..Row::missing() }, held))
+        Ok((FitRow { theta, sum, numbers, ..FitRow::missing() }, held))
     }
 }
 
@@ -226,7 +231,7 @@ impl Fit {
     ///
     /// # Errors
     /// A run is not known.
-    fn predicted(&self, theta: &[f64], tried: &[Tried]) -> Result<[Vec<f64>; 2], Wanted> {
+    fn predicted(&self, theta: &[f64], tried: &[Tried]) -> Result<[Vec<f64>; 2], WantedRun> {
         let run = |(place, set): (usize, &Set)| {
             let values = set.runs.as_ref().and_then(|runs| runs.values(theta));
             let Some(mut values) = values else { return Ok(None) };
@@ -273,9 +278,9 @@ impl Fit {
             let mut cells = columns.iter().map(|column| column[row].unwrap_or(f64::NAN));
             let theta = cells.by_ref().take(count).collect();
             let [sum, runs, error] = [(); 3].map(|()| cells.next().unwrap_or(f64::NAN));
-            Row { theta, sum, runs, error, numbers: cells.collect() }
+            FitRow { theta, sum, runs, error, numbers: cells.collect() }
         };
-        let rows: Vec<Row> = (0..columns[0].len()).map(row).collect();
+        let rows: Vec<FitRow> = (0..columns[0].len()).map(row).collect();
         let minimum = self.starts.len();
         let finite = (0..minimum).filter(|start| rows[*start].sum.is_finite());
         let start = finite.min_by(|a, b| rows[*a].sum.total_cmp(&rows[*b].sum))?;
@@ -301,7 +306,7 @@ impl Fit {
     /// What the data say about the parameters near the best ones: with or without their priors. The parameters are in
     /// units of their [scales](Parameter::scale).
     pub fn information(&self, known: &Known, has_priors: bool) -> Information {
-        let is_prior = |place| matches!(self.set(place).quantity, Quantity::Prior { .. });
+        let is_prior = |place| matches!(self.set(place).quantity, MeasuredQuantity::Prior { .. });
         let measured = known.measured.without(|place| !has_priors && is_prior(place));
         let (derivatives, slopes) = (self.derivatives(known), measured.slopes(&known.noise));
         let columns: Vec<Vec<f64>> = derivatives
@@ -317,7 +322,7 @@ impl Fit {
     }
 
     /// The rows with the derivatives of all predictions with respect to each parameter, in units of its scale.
-    pub fn derivatives<'a>(&self, known: &'a Known) -> &'a [Row] {
+    pub fn derivatives<'a>(&self, known: &'a Known) -> &'a [FitRow] {
         &known.rows[known.minimum + 1..][..self.parameters.len()]
     }
 
@@ -327,7 +332,7 @@ impl Fit {
         number: usize,
         earlier: &Rows,
         tried: &[Tried],
-    ) -> Result<Result<Row, String>, Wanted> {
+    ) -> Result<Result<FitRow, String>, WantedRun> {
         let (all, task) = ((0..self.parameters.len()).collect::<Vec<_>>(), self.tasks[number].1);
         if let Task::Start(place) = task {
             // Before a minimum is known, no number counts less.
@@ -345,16 +350,16 @@ impl Fit {
             let [_, numbers] = self.predicted(&row.theta, tried)?;
             let error = self.times(&self.predicted(&self.starts[place], tried)?[0]);
             let sum = row.sum * measured.likeness(&noise);
-            return Ok(Ok(Row { sum, error, numbers, ..row }));
+            return Ok(Ok(FitRow { sum, error, numbers, ..row }));
         }
         let Some(known) = self.known(earlier, self.tasks[number].0) else {
             return Ok(Err("no start leads to numbers for all measured points".to_owned()));
         };
         let Known { measured, noise, .. } = &known;
         let search = Search { fit: self, tried, measured, noise };
-        let of_part = |part: Measured, free: &[usize]| {
+        let of_part = |part: MeasuredNumbers, free: &[usize]| {
             if free.is_empty() || part.count(None) + 1e-9 < free.len() as f64 {
-                return Ok(Row::missing());
+                return Ok(FitRow::missing());
             }
             let best = &known.rows[known.minimum].theta;
             Search { measured: &part, ..search }.minimum(best, free, FINE)
@@ -375,7 +380,7 @@ impl Fit {
                 let next = self.side(&known, parameter, is_high).next();
                 let free: Vec<_> = all.into_iter().filter(|it| *it != parameter).collect();
                 let of = |theta: Vec<f64>| search.minimum(&theta, &free, COARSE);
-                next.map_or_else(|| Ok(Row::missing()), of)
+                next.map_or_else(|| Ok(FitRow::missing()), of)
             }
         };
         row.map(Ok)
@@ -391,19 +396,24 @@ impl Fit {
     }
 
     /// The derivatives of all predictions.
-    fn derivative(&self, place: usize, known: &Known, tried: &[Tried]) -> Result<Row, Wanted> {
+    fn derivative(
+        &self,
+        place: usize,
+        known: &Known,
+        tried: &[Tried],
+    ) -> Result<FitRow, WantedRun> {
         let (parameter, best) = (&self.parameters[place], &known.rows[known.minimum]);
         let x = best.theta[place];
         let scale = parameter.scale(x);
         let errors = known.rows[known.start].numbers.iter();
         let errors: Vec<f64> = errors.map(|it| if *it < 1.0 { *it } else { 0.0 }).collect();
-        let at = Place { x, scale, low: parameter.low, high: parameter.high };
+        let at = SearchPoint { x, scale, low: parameter.low, high: parameter.high };
         let predicted = |x: f64| {
             let mut theta = best.theta.clone();
             theta[place] = x;
             self.predicted(&theta, tried).map(|[values, _]| values)
         };
-        let values = |x: f64| Ok::<_, Wanted>(predicted(x)?.into_iter().map(Some).collect());
+        let values = |x: f64| Ok::<_, WantedRun>(predicted(x)?.into_iter().map(Some).collect());
         let mut found = derivatives(at, &errors, ROUNDS, values)?;
         let slopes = known.measured.slopes(&known.noise);
         let size = |found: &[Option<Derivative>], part: fn(&Derivative) -> f64| {
@@ -427,6 +437,6 @@ impl Fit {
         }
         let error = size(&found, |it| it.error);
         let numbers = found.iter().map(|it| it.map_or(f64::NAN, |it| it.value * scale)).collect();
-        Ok(Row { theta: best.theta.clone(), error, numbers, ..Row::missing() })
+        Ok(FitRow { theta: best.theta.clone(), error, numbers, ..FitRow::missing() })
     }
 }

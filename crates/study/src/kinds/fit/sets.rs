@@ -8,7 +8,7 @@ use fretwork_engine::request::fields::Given;
 use fretwork_engine::request::quantity::Dimension;
 use serde_json::{Map, Value, json};
 
-use super::model::{Quantity, Set};
+use super::model::{MeasuredQuantity, Set};
 use crate::member::read;
 use fretwork_json::{Whole, typed};
 
@@ -33,7 +33,7 @@ const TINY: f64 = 1e-100;
 struct Scalars {
     output: String,
     #[deserr(default)]
-    over: Given<Over>,
+    over: Given<SetOver>,
     x: Vec<Value>,
     y: Vec<Value>,
     #[deserr(default)]
@@ -42,7 +42,7 @@ struct Scalars {
 
 #[derive(Deserr)]
 #[deserr(error = Faults, rename_all = lowercase)]
-enum Over {
+enum SetOver {
     Cycles,
     #[deserr(rename = "dissipated_energy")]
     Energy,
@@ -52,7 +52,7 @@ enum Over {
 #[derive(Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
 struct Trace {
-    profile: Field,
+    profile: SetField,
     at: f64,
     #[deserr(default)]
     body: Given<Whole<1, 2>>,
@@ -62,7 +62,7 @@ struct Trace {
 
 #[derive(Deserr)]
 #[deserr(error = Faults, rename_all = lowercase)]
-enum Field {
+enum SetField {
     Wear,
 }
 
@@ -155,9 +155,9 @@ pub fn set(test: usize, given: &Value) -> Result<Set, Faults> {
     let (noise, own): (Map<_, _>, Map<_, _>) =
         members.partition(|(name, _)| NOISE.contains(&name.as_str()));
     let (output, unit, over, quantity, x, y) = if own.contains_key("profile") {
-        let Trace { profile: Field::Wear, at, body, radius, depth } = typed(own.into())?;
+        let Trace { profile: SetField::Wear, at, body, radius, depth } = typed(own.into())?;
         let body = body.0.map(|body| body.0 as usize - 1);
-        let quantity = Quantity::Profile { at: twelve_digits(at), body };
+        let quantity = MeasuredQuantity::Profile { at: twelve_digits(at), body };
         ("profile.wear".to_owned(), "m", "radius", quantity, radius, depth)
     } else {
         let Scalars { output, over, x, y, density } = typed(own.into())?;
@@ -171,10 +171,10 @@ pub fn set(test: usize, given: &Value) -> Result<Set, Faults> {
             return Err(Faults::one("/density", detail));
         }
         let unit = outcome::Quantity::named(column).map_or("1", |quantity| quantity.unit);
-        let quantity = Quantity::Column { column, factor: density.0.unwrap_or(1.0) };
+        let quantity = MeasuredQuantity::Column { column, factor: density.0.unwrap_or(1.0) };
         let over = match over.0 {
-            Some(Over::Energy) => "dissipated_energy",
-            Some(Over::Cycles) | None => "cycles",
+            Some(SetOver::Energy) => "dissipated_energy",
+            Some(SetOver::Cycles) | None => "cycles",
         };
         (output, if is_mass { "kg" } else { unit }, over, quantity, x, y)
     };

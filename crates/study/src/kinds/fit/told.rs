@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use super::interval::Side;
-use super::model::Quantity;
-use super::search::{Fit, Known, Row};
+use super::model::MeasuredQuantity;
+use super::search::{Fit, FitRow, Known};
 use crate::stats::fisher;
 use crate::stats::measured::{Information, Point};
 use crate::stats::outliers::outliers;
@@ -32,7 +32,7 @@ const AMONG: usize = 6;
 pub struct Told<'a> {
     pub fit: &'a Fit,
     pub known: &'a Known,
-    pub best: &'a Row,
+    pub best: &'a FitRow,
     /// What the data say without the priors, and with them.
     pub alone: Information,
     pub information: Information,
@@ -73,11 +73,12 @@ impl<'a> Told<'a> {
 
     /// Seeks outliers among the points that take part. Neighbours in a profile are not independent, and a prior is no measurement.
     fn seek_outliers(&mut self) {
-        let is_single = |it: &usize| matches!(self.fit.set(*it).quantity, Quantity::Column { .. });
+        let is_single =
+            |it: &usize| matches!(self.fit.set(*it).quantity, MeasuredQuantity::Column { .. });
         let places: Vec<usize> = self.points().map(|it| it.0).filter(is_single).collect();
         let distances: Vec<f64> = places.iter().map(|it| self.residual(*it)).collect();
         let column =
-            |row: &Row| places.iter().map(|it| row.numbers[*it] / self.deviation(*it)).collect();
+            |row: &FitRow| places.iter().map(|it| row.numbers[*it] / self.deviation(*it)).collect();
         let slopes: Vec<Vec<f64>> = self.fit.derivatives(self.known).iter().map(column).collect();
         let differs = |it: &usize| {
             let (measured, predicted) =

@@ -1,7 +1,7 @@
 //! The table and the notes of a sensitivity study. The table shows each estimate as it was computed. A note says what
 //! limits an estimate.
 
-use crate::plan::{Cells, Findings, Note};
+use crate::plan::{Cells, Findings, OutputNote};
 use crate::stats::derivative::Derivative;
 use crate::stats::indices::{Index, indices};
 use crate::stats::morris::Effect;
@@ -19,16 +19,16 @@ pub struct Named<'a> {
 }
 
 /// A row: its output, its member, and its numbers. They are missing if there is no estimate.
-type Row<'a> = (Named<'a>, &'a str, Vec<f64>);
+type EstimateRow<'a> = (Named<'a>, &'a str, Vec<f64>);
 
 /// The table and the notes, built row by row.
-pub struct Table<'a> {
+pub struct EstimateTable<'a> {
     columns: &'static [&'static str],
-    rows: Vec<Row<'a>>,
-    notes: Vec<Note>,
+    rows: Vec<EstimateRow<'a>>,
+    notes: Vec<OutputNote>,
 }
 
-impl<'a> Table<'a> {
+impl<'a> EstimateTable<'a> {
     /// An empty table. These columns of numbers come after the columns `output`, `unit` and `member`.
     pub fn new(columns: &'static [&'static str]) -> Self {
         Self { columns, rows: Vec::new(), notes: Vec::new() }
@@ -36,7 +36,7 @@ impl<'a> Table<'a> {
 
     /// The members `table` and `notes` of the document.
     pub fn finished(self) -> Findings {
-        let texts = |of: fn(&Row<'a>) -> &'a str| {
+        let texts = |of: fn(&EstimateRow<'a>) -> &'a str| {
             Cells::Texts(self.rows.iter().map(|row| of(row).to_owned()).collect())
         };
         let numbers = |(place, name): (usize, &&'static str)| {
@@ -58,7 +58,7 @@ impl<'a> Table<'a> {
 
     fn note(&mut self, output: Named<'_>, member: Option<&str>, detail: &str) {
         let (output, detail) = (output.name.to_owned(), detail.to_owned());
-        self.notes.push(Note { output, detail, member: member.map(str::to_owned) });
+        self.notes.push(OutputNote { output, detail, member: member.map(str::to_owned) });
     }
 
     /// Adds the rows of an output: its Sobol indices.

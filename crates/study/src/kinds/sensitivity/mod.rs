@@ -18,13 +18,13 @@ use fretwork_engine::request::fields::Given;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use self::findings::{Named, Table};
+use self::findings::{EstimateTable, Named};
 use crate::output::Output;
 use crate::plan::StudyFigure::{Scatter, Tornado};
 use crate::plan::{Bars, Column, Findings, Hints, Kind, Offer, Plan, Read, StudyFigure};
 use crate::problem::{MAX_SEED, Problem, small_members, varied_and_outputs};
 use crate::rows::{NUMBER, Rows};
-use crate::stats::derivative::{Derivative, MAX_ROUNDS, Place, derivatives, neighbours};
+use crate::stats::derivative::{Derivative, MAX_ROUNDS, SearchPoint, derivatives, neighbours};
 use crate::stats::distribution::Distribution;
 use crate::stats::indices::Saltelli;
 use crate::stats::morris::{Morris, effects};
@@ -94,7 +94,7 @@ const EDGE: f64 = 0.18;
 /// The body of a sensitivity study.
 #[derive(Deserr)]
 #[deserr(error = Faults, deny_unknown_fields)]
-struct Request {
+struct SensitivityBody {
     #[deserr(default, rename = "version")]
     _version: Given<Whole<1, 1>>,
     scenario: Value,
@@ -130,7 +130,7 @@ enum Sensitivity {
 /// The points at which the derivative with respect to one member is computed.
 #[derive(Debug)]
 struct Neighbourhood {
-    place: Place,
+    place: SearchPoint,
     /// The index of the first of these points among the points of the study.
     first: usize,
     /// Those of all intervals. The point itself is the first point of the study.
@@ -152,7 +152,8 @@ impl Neighbourhood {
 /// All faults, with pointers relative to the study.
 fn read(study: Value) -> Result<Read, Faults> {
     let mut complete = small_members(&study);
-    let Request { scenario, vary, method, samples, seed, confidence, outputs, .. } = typed(study)?;
+    let SensitivityBody { scenario, vary, method, samples, seed, confidence, outputs, .. } =
+        typed(study)?;
     // If a member or an output has a fault, no design can be made.
     let (varied, outputs) = varied_and_outputs(&scenario, &vary, outputs)?;
     let members = varied.iter().map(|one| one.member.clone()).collect();
@@ -254,7 +255,8 @@ impl Sensitivity {
                 continue;
             }
             let x = member.value;
-            let place = Place { x, scale: x.abs(), low: f64::NEG_INFINITY, high: f64::INFINITY };
+            let place =
+                SearchPoint { x, scale: x.abs(), low: f64::NEG_INFINITY, high: f64::INFINITY };
             let points: Vec<f64> =
                 (0..MAX_ROUNDS).flat_map(|round| neighbours(place, round)).collect();
             let next = first + points.len();
@@ -289,7 +291,7 @@ impl Sensitivity {
         rows: &Rows,
         goes_on: &mut dyn FnMut() -> bool,
     ) -> Option<Findings> {
-        let mut table = Table::new(self.numbers());
+        let mut table = EstimateTable::new(self.numbers());
         for (place, output) in outputs.iter().enumerate() {
             if !goes_on() {
                 return None;
