@@ -88,7 +88,6 @@ impl Scales {
     }
 
     /// The unit of volume in m³: a₀²d₀, or a₀h₀ times the length of a line contact.
-    #[must_use]
     pub fn volume(&self) -> f64 {
         let across = self.length.unwrap_or(self.contact_radius);
         self.contact_radius * across * self.indentation_depth
@@ -227,7 +226,6 @@ pub struct Case {
 
 impl Case {
     /// Whether the run is computed in closed form, and not in time steps.
-    #[must_use]
     pub fn is_closed(&self) -> bool {
         matches!(self.method, Method::Simplified { .. }) && self.control.is_closed()
     }
@@ -303,7 +301,6 @@ impl Case {
     }
 
     /// U at which the whole contact slips, in m. NaN for a line contact without a reference.
-    #[must_use]
     pub fn gross_slip_amplitude(&self) -> f64 {
         let contact = &self.contact;
         match (self.scales.length, contact.reference) {
@@ -316,7 +313,6 @@ impl Case {
     }
 
     /// U_rig at which the whole contact slips, in m. `None` without a rig.
-    #[must_use]
     pub fn actuator_gross_slip_amplitude(&self) -> Option<f64> {
         self.has_rig()
             .then(|| self.gross_slip_amplitude() + self.rig_at_limit() * self.scales.slip())
@@ -391,7 +387,6 @@ impl Case {
     }
 
     /// The largest amplitude, divided by the amplitude at N = 0.
-    #[must_use]
     pub fn largest_amplitude(&self) -> f64 {
         self.control.largest_threshold() / self.contact.threshold
     }
@@ -423,13 +418,11 @@ impl Case {
     }
 
     /// Estimated processor time of the run, in seconds.
-    #[must_use]
     pub fn seconds(&self) -> f64 {
         self.operations() / OPERATIONS_PER_SECOND
     }
 
     /// Estimated number of multiplications of the run.
-    #[must_use]
     pub fn operations(&self) -> f64 {
         let rows = self.profile_rows();
         let count = self.outputs.count();
@@ -476,7 +469,6 @@ impl Case {
     }
 
     /// Estimated size of the result as JSON, in bytes.
-    #[must_use]
     pub fn answer_bytes(&self) -> usize {
         /// Bytes of a positive number of 12 digits with its exponent and comma.
         const NUMBER: usize = 18;

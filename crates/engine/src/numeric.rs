@@ -187,7 +187,6 @@ pub fn maximum(mut low: f64, mut high: f64, f: impl Fn(f64) -> f64) -> f64 {
 const LANES: usize = 8;
 
 /// Σ aᵢbᵢ over the shorter length, in a fixed order that the compiler can vectorise.
-#[must_use]
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     weighted(a, b, |b| b)
 }
@@ -223,7 +222,6 @@ pub(crate) fn positive_area([a, b]: [f64; 2], [left, right]: [f64; 2]) -> f64 {
 }
 
 /// The index of the first largest value; 0 without values.
-#[must_use]
 pub fn largest(values: &[f64]) -> usize {
     let mut lanes = [f64::NEG_INFINITY; LANES];
     let chunks = values.chunks_exact(LANES);
@@ -238,14 +236,12 @@ pub fn largest(values: &[f64]) -> usize {
 }
 
 /// The value at `at` on the straight lines between points with ascending x; none beyond them.
-#[must_use]
 pub fn linear(x: &[f64], y: &[f64], at: f64) -> Option<f64> {
     let i = x.windows(2).position(|pair| (pair[0]..=pair[1]).contains(&at))?;
     Some(y[i] + (y[i + 1] - y[i]) * (at - x[i]) / (x[i + 1] - x[i]))
 }
 
 /// The height of the parabola through the largest value and its neighbours.
-#[must_use]
 pub fn vertex(x: &[f64], y: &[f64], at: usize) -> f64 {
     if at == 0 || at + 1 == y.len() {
         return y[at].max(0.0);
@@ -348,7 +344,6 @@ pub(crate) fn whole_power(x: f64, n: u32) -> f64 {
 
 /// Rounds `x` to 12 significant decimal digits, the precision of scenarios and results. The result is the float64
 /// nearest to the decimal number. −0 becomes 0.
-#[must_use]
 pub fn twelve_digits(x: f64) -> f64 {
     /// The powers of ten that float64 holds exactly.
     const TENS: [f64; 23] = [
@@ -375,7 +370,6 @@ pub struct Decimal {
 impl Decimal {
     /// |x| rounded to 12 significant digits; a tie is rounded to the even digit. `None` outside of 10⁻¹⁵…10¹², where the
     /// arithmetic is not exact.
-    #[must_use]
     pub fn of(x: f64) -> Option<Self> {
         /// The powers of five that fit into 64 bits.
         const FIVES: [u64; 28] = {

@@ -46,7 +46,6 @@ pub fn table(out: &mut Out<'_>, head: &Head, table: &PartTable, view: &View) -> 
 
 /// A text as a cell of CSV. A spreadsheet would execute what begins like a formula, also behind the separators of lists that other
 /// countries use, so an apostrophe stands before it.
-#[must_use]
 pub fn text_cell(text: &str) -> String {
     const FORMULA: [char; 11] = ['=', '+', '-', '@', '\t', '\r', '\n', '＝', '＋', '－', '＠'];
     const SEPARATORS: [char; 5] = [';', '|', '\t', '\r', '\n'];

@@ -21,7 +21,6 @@ const MAX_DEPTH: usize = 100;
 
 /// Whether a text is nested too deeply for a result. Brackets in strings count too. The strings of results contain no
 /// brackets.
-#[must_use]
 pub fn is_too_deep(json: &[u8]) -> bool {
     let mut depth = 0_usize;
     json.iter().any(|byte| {

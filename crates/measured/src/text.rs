@@ -15,7 +15,6 @@ const OTHERS: [(&[u8], &str); 8] = [
 ];
 
 /// UTF-16, and UTF-8 with the mark of an editor, as text. `None` for other bytes.
-#[must_use]
 pub fn marked(bytes: &[u8]) -> Option<String> {
     let utf16 = |unit: fn([u8; 2]) -> u16| {
         let units: Vec<u16> = bytes.chunks_exact(2).map(|pair| unit([pair[0], pair[1]])).collect();

@@ -81,7 +81,6 @@ pub struct Block {
 
 impl Block {
     /// A block of a constant threshold.
-    #[must_use]
     pub fn new(threshold: f64, end: f64) -> Self {
         Self { held: Held::Threshold, threshold, end }
     }
@@ -142,20 +141,17 @@ impl Final {
 
 impl Control {
     /// A motion of one block, with the threshold of the unworn contact.
-    #[must_use]
     pub fn constant(normal: Normal, held: Held, threshold: f64) -> Self {
         let block = Block { held, threshold, end: f64::INFINITY };
         Self { normal, blocks: Arc::new([block]) }
     }
 
     /// The case of the paper: indentation depth and amplitude are constant.
-    #[must_use]
     pub fn paper(threshold: f64) -> Self {
         Self::constant(Normal::Depth, Held::Threshold, threshold)
     }
 
     /// What the first block holds, and all others hold in another size.
-    #[must_use]
     pub fn held(&self) -> &Held {
         &self.blocks[0].held
     }
@@ -207,7 +203,6 @@ impl Control {
     }
 
     /// The limiting state. `None` if it cannot be computed without a run, or if it does not exist.
-    #[must_use]
     pub fn tends_to(&self, contact: &Contact) -> Option<Final> {
         let Contact { shape, stick, threshold, .. } = contact;
         let stick = match (self.normal, self.held()) {

@@ -30,7 +30,6 @@ pub struct Track {
 
 impl Track {
     /// The track through points in ascending order, of which there is at least one. The values are relative to that at 0.
-    #[must_use]
     pub fn through(over: Over, at: Vec<f64>, values: Vec<f64>) -> Self {
         Self { over, at, values }
     }

@@ -117,7 +117,6 @@ impl Backbone {
 
     /// The backbone of cells of constant y around a core of radius `start` that sticks. `loss` is ∫
     /// y ω dx if a more accurate value is known.
-    #[must_use]
     pub fn of_cells(
         start: f64,
         threshold: f64,
@@ -210,7 +209,6 @@ impl Backbone {
     }
 
     /// The loop between −Δ and Δ.
-    #[must_use]
     pub fn wind(&self) -> Loop {
         self.wind_along(&self.with_half(Self::at_half(&self.corners)))
     }

@@ -31,13 +31,11 @@ pub struct Layers([Vec<Layer>; 2]);
 
 impl Layers {
     /// The layers of two bodies.
-    #[must_use]
     pub fn of(bodies: [Vec<Layer>; 2]) -> Self {
         Self(bodies)
     }
 
     /// The depth of a body after a dose.
-    #[must_use]
     pub fn depth(&self, body: usize, dose: f64) -> f64 {
         let (mut left, mut depth) = (dose, 0.0);
         for Layer { thickness, coefficient } in &self.0[body] {
@@ -74,7 +72,6 @@ impl Layers {
     }
 
     /// The interfaces that wear can reach, in the order in which it reaches them.
-    #[must_use]
     pub fn interfaces(&self) -> Vec<Interface> {
         let mut found = Vec::new();
         for (body, layers) in self.0.iter().enumerate() {

@@ -63,7 +63,6 @@ impl Limit {
     ///
     /// `None` if the scar would become larger than the shape (a sphere loaded to its equator), and for a line contact in
     /// gross slip.
-    #[must_use]
     pub fn solve(shape: &Shape, c: f64) -> Option<Self> {
         Self::at_depth(shape, c, 1.0)
     }

@@ -39,7 +39,6 @@ const SHALLOW: f64 = 3.0;
 /// assert!((kappa(1.0) - std::f64::consts::FRAC_PI_2).abs() < 1e-15);
 /// assert!((kappa(2.0) - 2.0).abs() < 1e-14);
 /// ```
-#[must_use]
 pub fn kappa(n: f64) -> f64 {
     PI.sqrt() * n * libm::tgamma(0.5 * n) / (2.0 * libm::tgamma(0.5 * (n + 1.0)))
 }
@@ -52,7 +51,6 @@ pub fn kappa(n: f64) -> f64 {
 /// assert!((line_height(1.0) - std::f64::consts::FRAC_PI_2).abs() < 1e-15);
 /// assert!((line_height(2.0) - 1.0).abs() < 1e-15);
 /// ```
-#[must_use]
 pub fn line_height(n: f64) -> f64 {
     PI.sqrt() * libm::tgamma(0.5 * n) / (2.0 * libm::tgamma(0.5 * (n + 1.0)))
 }
@@ -84,13 +82,11 @@ enum ShapeKind {
 
 impl Shape {
     /// f ∝ rⁿ. An exponent of 1 is a cone, 2 a paraboloid.
-    #[must_use]
     pub fn power(exponent: f64) -> Self {
         Self::of_power(exponent, 1.0 / kappa(exponent), Geometry::Round)
     }
 
     /// A line contact with f ∝ xⁿ. An exponent of 1 is a wedge, 2 a cylinder.
-    #[must_use]
     pub fn line_power(exponent: f64) -> Self {
         Self::of_power(exponent, line_height(exponent), Geometry::Line)
     }
@@ -106,14 +102,12 @@ impl Shape {
     }
 
     /// A punch with a flat of half-width 0 < β < 1, in half-widths of the contact.
-    #[must_use]
     pub fn punch(flat: f64) -> Self {
         let punch = Punch::new(flat);
         Self { height: punch.profile(1.0), kind: ShapeKind::Punch(punch), geometry: Geometry::Line }
     }
 
     /// A sphere with a radius of ρ > 1 contact radii.
-    #[must_use]
     pub fn sphere(rho: f64) -> Self {
         let scale = 1.0 / libm::atanh(1.0 / rho);
         let height = scale / (rho + ((rho - 1.0) * (rho + 1.0)).sqrt());
@@ -121,13 +115,11 @@ impl Shape {
     }
 
     /// A paraboloid with a flat tip of radius 0 < β < 1, in contact radii.
-    #[must_use]
     pub fn truncated_paraboloid(flat: f64) -> Self {
         Self::truncated(Truncated::paraboloid(flat))
     }
 
     /// A cone with a flat tip of radius 0 < β < 1, in contact radii.
-    #[must_use]
     pub fn truncated_cone(flat: f64) -> Self {
         Self::truncated(Truncated::cone(flat))
     }
@@ -144,7 +136,6 @@ impl Shape {
     }
 
     /// The geometry of the contact.
-    #[must_use]
     pub fn geometry(&self) -> Geometry {
         self.geometry
     }
@@ -162,7 +153,6 @@ impl Shape {
     /// Radii inside the contact at which the image has a kink, in ascending order. A mesh should
     /// have a node at each kink, and a quadrature should be split there. A table is smooth enough
     /// and has no kinks.
-    #[must_use]
     pub fn kinks(&self) -> &[f64] {
         match &self.kind {
             ShapeKind::Truncated(shape) => shape.kinks(),
@@ -219,7 +209,6 @@ impl Shape {
     }
 
     /// f₀(r): the gap without load.
-    #[must_use]
     pub fn profile(&self, r: f64) -> f64 {
         match self.kind {
             ShapeKind::Whole(n) => self.height * whole_power(r, n),
@@ -246,7 +235,6 @@ impl Shape {
     }
 
     /// g₀(x), the image (3) of the profile.
-    #[must_use]
     pub fn image(&self, x: f64) -> f64 {
         match self.kind {
             ShapeKind::Whole(n) => whole_power(x, n),
@@ -280,7 +268,6 @@ impl Shape {
     /// The largest pressure of the unworn contact, in E*d₀/a₀. It is on the axis, or on a ring if
     /// the profile is blunter than a paraboloid. It is infinite for a cone and at the edge of a
     /// flat.
-    #[must_use]
     pub fn peak_pressure(&self) -> f64 {
         let blunt = match self.kind {
             ShapeKind::Whole(n) => n > 2,
@@ -295,7 +282,6 @@ impl Shape {
     }
 
     /// The slope of the image, g₀′(x).
-    #[must_use]
     pub fn image_slope(&self, x: f64) -> f64 {
         match self.kind {
             ShapeKind::Whole(n) => f64::from(n) * whole_power(x, n - 1),
@@ -310,7 +296,6 @@ impl Shape {
     }
 
     /// The radius at which the image equals `value` in 0…1.
-    #[must_use]
     pub fn image_inverse(&self, value: f64) -> f64 {
         match self.kind {
             ShapeKind::Whole(1) => value,
@@ -374,7 +359,6 @@ impl Shape {
     }
 
     /// Half of the unworn force: ∫₀¹ (1 − g₀) dx in units of E*a₀d₀. In a line contact the force is the unit.
-    #[must_use]
     pub fn half_force(&self) -> f64 {
         match self.kind {
             _ if self.geometry == Geometry::Line => 0.5,
@@ -454,7 +438,6 @@ impl Shape {
 
     /// (1/π) ∫ g₀′/√(x²−r²) dx over r…b: the pressure, in E*d₀/a₀ (round) or F₀/a₀ (line), of springs that follow the
     /// unworn image inside b. It is infinite at the apex of a cone and at the edge of a flat.
-    #[must_use]
     pub fn pressure_inside(&self, r: f64, b: f64) -> f64 {
         if r >= b {
             return 0.0;

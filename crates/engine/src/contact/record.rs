@@ -62,7 +62,6 @@ impl DisplacementRecord {
     ///
     /// `None` if there is no motion, if a value is not finite, or if the largest range is not
     /// finite.
-    #[must_use]
     pub fn new(displacements: &[f64]) -> Option<Self> {
         if !displacements.iter().all(|u| u.is_finite()) {
             return None;
@@ -76,7 +75,6 @@ impl DisplacementRecord {
 
     /// ω(ρ) = P(ρU)/4U: the slip path in units of one complete harmonic cycle of the same
     /// amplitude. Without stick, at ρ ≤ 0, ω exceeds 1 if the record has more than one loop.
-    #[must_use]
     pub fn slip(&self, ratio: f64) -> f64 {
         self.strokes(ratio, 1.0)
     }

@@ -94,7 +94,6 @@ impl Series {
     }
 
     /// θ of the unworn contact of `shape` at the aperture of a loop in μh₀, and the slip of the middle.
-    #[must_use]
     pub fn at_aperture(&self, shape: &Shape, aperture: f64) -> (f64, f64) {
         at_aperture(aperture, 1.0, |threshold| self.slipping(shape, threshold, 1.0))
     }

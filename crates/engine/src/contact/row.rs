@@ -43,7 +43,6 @@ pub struct UnwornSums {
 impl UnwornSums {
     /// Sums over the unworn springs. `slip` gives ω as a function of y/Δ if the motion is not
     /// harmonic.
-    #[must_use]
     pub fn of(contact: &Contact, slip: Option<&dyn Fn(f64) -> f64>) -> Self {
         if contact.shape.geometry() == Geometry::Line {
             return Self::in_series(contact, 0.0);
@@ -183,7 +182,6 @@ pub struct SpringRow {
 
 impl SpringRow {
     /// Lays out the springs of a contact.
-    #[must_use]
     pub fn new(contact: &Contact) -> Self {
         let Contact { ref shape, stick: c, limit, .. } = *contact;
         let chord = |x: f64| ((limit.radius - x) * (limit.radius + x)).max(0.0).sqrt();
@@ -214,7 +212,6 @@ impl SpringRow {
     }
 
     /// Sums over the springs.
-    #[must_use]
     pub fn sums(&self, decay: Decay) -> Sums {
         self.sums_and_compressions(decay).0
     }

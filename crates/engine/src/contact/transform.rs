@@ -75,7 +75,6 @@ pub struct Kernels {
 
 impl Kernels {
     /// The kernels of `cells` cells, from the cache if it contains them.
-    #[must_use]
     pub fn with_cells(cells: usize) -> Arc<Self> {
         static RECENT: Mutex<VecDeque<Arc<Kernels>>> = Mutex::new(VecDeque::new());
         let mut recent = RECENT.lock().unwrap_or_else(PoisonError::into_inner);
@@ -113,7 +112,6 @@ impl Kernels {
     }
 
     /// The nodes τᵢ = (i/n)³.
-    #[must_use]
     pub fn tau(&self) -> &[f64] {
         &self.tau
     }

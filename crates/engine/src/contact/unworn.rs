@@ -49,7 +49,6 @@ const NARROW_CORE: f64 = 0.05;
 impl Contact {
     /// The contact of `shape` at amplitude Δ > 0. `None` if its scar would become larger than the
     /// shape.
-    #[must_use]
     pub fn new(shape: Shape, threshold: f64) -> Option<Self> {
         let stick = shape.stick_radius(threshold);
         let regime = if stick > 0.0 { Regime::PartialSlip } else { Regime::GrossSlip };
@@ -101,7 +100,6 @@ impl Contact {
     }
 
     /// The contact of `shape` whose springs stick inside the radius 0 ≤ c < 1.
-    #[must_use]
     pub fn sticking(shape: Shape, c: f64) -> Option<Self> {
         let threshold = 1.0 - shape.image(c);
         Self::new(shape, threshold)
@@ -123,7 +121,6 @@ impl Contact {
     }
 
     /// The compression η of a spring at x = c + δ, c < x < ã, by the closed form of (14).
-    #[must_use]
     pub fn compression(&self, delta: f64, decay: Decay) -> f64 {
         let rest = self.rest(delta);
         let unworn = self.threshold - rest;
@@ -134,7 +131,6 @@ impl Contact {
     }
 
     /// g − g₀ of a spring at x = c + δ: y₀ minus the compression, without cancellation.
-    #[must_use]
     pub fn worn(&self, delta: f64, decay: Decay) -> f64 {
         let rest = self.rest(delta);
         let unworn = self.threshold - rest;
@@ -161,7 +157,6 @@ impl Decay {
     pub const COMPLETE: Self = Self { left: 0.0, gone: 1.0 };
 
     /// The decay after an exponent ξÑ/ã ≥ 0.
-    #[must_use]
     pub fn after(exponent: f64) -> Self {
         Self { left: libm::exp(-exponent), gone: -libm::expm1(-exponent) }
     }

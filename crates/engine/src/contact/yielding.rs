@@ -63,7 +63,6 @@ impl Rubbing {
     /// assert!((1.0 / sliding(0.0).largest_von_mises(0.3) - 1.61).abs() < 0.01);
     /// assert!((1.0 / sliding(0.5).largest_von_mises(0.3) - 1.05).abs() < 0.01);
     /// ```
-    #[must_use]
     pub fn largest_von_mises(&self, poisson: f64) -> f64 {
         // The surface and the interior can each have a maximum.
         self.search(poisson, 0..=0).max(self.search(poisson, 1..=STEPS))
@@ -109,7 +108,6 @@ impl Rubbing {
     /// The stresses at (r, z) by the pressure and by the traction, in a body with Poisson's ratio ν.
     /// The first four components of the second stress are multiplied by cos θ, and the last two by
     /// sin θ.
-    #[must_use]
     pub fn stresses(&self, poisson: f64, r: f64, z: f64) -> [Stress; 2] {
         let Self { friction, stick } = *self;
         let [pressed, slid] = hertz(poisson, r, z);

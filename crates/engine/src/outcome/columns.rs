@@ -91,7 +91,6 @@ pub const SPECIAL_WORDS: &[(&str, [&str; 2])] = &[
 ];
 
 /// The name and the symbol of a number of a section of a result.
-#[must_use]
 pub fn words_in(section: &str, name: &str, is_line: bool) -> Option<[String; 2]> {
     let whole = [section, ".", name].concat();
     if let Some((_, special)) = SPECIAL_WORDS.iter().find(|(name, _)| *name == whole) {
@@ -115,13 +114,11 @@ const fn quantity(
 
 impl Quantity {
     /// The quantity with this name.
-    #[must_use]
     pub fn named(name: &str) -> Option<&'static Self> {
         QUANTITIES.iter().find(|quantity| quantity.name == name)
     }
 
     /// Its name for people, in a line contact or a round one.
-    #[must_use]
     pub fn words_of(&self, is_line: bool) -> &'static str {
         let mut of_line = LINE_WORDS.iter().filter(|_| is_line);
         of_line.find(|(name, _)| *name == self.name).map_or(self.words, |(_, words)| words)
@@ -162,7 +159,6 @@ macro_rules! section {
                 &[$(SectionMember { name: stringify!($member), meaning: $meaning }),+];
 
             /// The values of [`Self::MEMBERS`].
-            #[must_use]
             pub fn values(&self) -> [$view; Self::MEMBERS.len()] {
                 [$($get(&self.$member)),+]
             }
@@ -274,7 +270,6 @@ section! {
 
 impl History {
     /// The columns with their names, in the order of the JSON.
-    #[must_use]
     pub fn columns(&self) -> [(&'static str, &[f64]); Self::MEMBERS.len()] {
         let values = self.values();
         array::from_fn(|place| (Self::MEMBERS[place].name, values[place]))

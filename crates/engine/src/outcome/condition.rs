@@ -25,7 +25,6 @@ pub struct Condition {
 
 impl Condition {
     /// The condition of the contact of a case at an amplitude of its motion in m: that of the actuator behind a rig.
-    #[must_use]
     pub fn of(case: &Case, amplitude: f64) -> Self {
         let (scales, shape) = (&case.scales, &case.contact.shape);
         let (threshold, middle) = case.threshold_at(amplitude);

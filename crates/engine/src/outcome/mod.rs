@@ -61,7 +61,6 @@ const ENERGY_ERROR: f64 = 1e-5;
 
 impl History {
     /// Whether row `row` is at output cycle `row` of the case. If not, the run ended before this output cycle.
-    #[must_use]
     pub fn has_reached(&self, case: &Case, row: usize) -> bool {
         let agrees = |a: f64, b: f64, error: f64| (a - b).abs() <= error * a.abs().max(b.abs());
         let Some(cycles) = self.cycles.get(row) else { return false };
@@ -406,7 +405,6 @@ impl BodyWear {
 
 impl Preview {
     /// Computes the properties of a case that are known without a run.
-    #[must_use]
     pub fn of(case: &Case) -> Self {
         Self {
             units: ResultUnits,

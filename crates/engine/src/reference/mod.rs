@@ -58,26 +58,22 @@ pub struct Hertz {
 
 impl Hertz {
     /// The contact under a force F in N: d = (9F²/(16E*²R))^(1/3).
-    #[must_use]
     pub fn under(force: f64, modulus: f64, radius: f64) -> Self {
         let root = 3.0 * force / (4.0 * modulus);
         Self { modulus, radius, depth: libm::cbrt(root * root / radius) }
     }
 
     /// Contact radius a = √(Rd) in m.
-    #[must_use]
     pub fn contact_radius(&self) -> f64 {
         (self.radius * self.depth).sqrt()
     }
 
     /// Normal force F = (4/3) E* √R d^(3/2) in N.
-    #[must_use]
     pub fn force(&self) -> f64 {
         4.0 / 3.0 * self.modulus * self.depth * (self.radius * self.depth).sqrt()
     }
 
     /// Pressure on the axis, p₀ = (2/π) E* √(d/R) = 3F/(2πa²), in Pa.
-    #[must_use]
     pub fn peak_pressure(&self) -> f64 {
         FRAC_2_PI * self.modulus * (self.depth / self.radius).sqrt()
     }
@@ -97,13 +93,11 @@ pub struct Cone {
 
 impl Cone {
     /// The contact under a force F in N: d² = (π/2) F tan θ/E*.
-    #[must_use]
     pub fn under(force: f64, modulus: f64, slope: f64) -> Self {
         Self { modulus, slope, depth: (FRAC_PI_2 * force * slope / modulus).sqrt() }
     }
 
     /// Contact radius a = (2/π) d/tan θ in m.
-    #[must_use]
     pub fn contact_radius(&self) -> f64 {
         FRAC_2_PI * self.depth / self.slope
     }
@@ -134,7 +128,6 @@ pub struct PowerLaw {
 
 impl PowerLaw {
     /// The contact under a force F in N.
-    #[must_use]
     pub fn under(force: f64, modulus: f64, exponent: f64, coefficient: f64) -> Self {
         // F is proportional to d^((n+1)/n).
         let unit = Self { modulus, exponent, coefficient, depth: 1.0 };
@@ -143,14 +136,12 @@ impl PowerLaw {
     }
 
     /// Contact radius a = (d/(κₙA))^(1/n) in m, with κₙ = √π Γ(n/2 + 1)/Γ((n+1)/2).
-    #[must_use]
     pub fn contact_radius(&self) -> f64 {
         let n = self.exponent;
         libm::pow(self.depth / (stretch(n) * self.coefficient), 1.0 / n)
     }
 
     /// Normal force F = (2n/(n+1)) E*ad in N.
-    #[must_use]
     pub fn force(&self) -> f64 {
         let n = self.exponent;
         2.0 * n / (n + 1.0) * self.modulus * self.contact_radius() * self.depth
@@ -179,14 +170,12 @@ pub struct Sphere {
 
 impl Sphere {
     /// Indentation depth d = a artanh(a/R) in m.
-    #[must_use]
     pub fn depth(&self) -> f64 {
         self.contact_radius * libm::atanh(self.contact_radius / self.radius)
     }
 
     /// Normal force F = E* ((R² + a²) artanh(a/R) − aR) in N. For a ≪ R the terms cancel, and the
     /// relative rounding error is multiplied by R²/a².
-    #[must_use]
     pub fn force(&self) -> f64 {
         let (r, a) = (self.radius, self.contact_radius);
         self.modulus * ((r * r + a * a) * libm::atanh(a / r) - a * r)
@@ -216,19 +205,16 @@ impl CattaneoMindlin {
     }
 
     /// The displacement U in m at Q = μF: μ(E*/G*)d = 3μF/(4G*a).
-    #[must_use]
     pub fn sliding_displacement(&self) -> f64 {
         0.75 * self.sliding_force() / (self.tangential_modulus * self.hertz.contact_radius())
     }
 
     /// Stick radius c = a (1 − Q/(μF))^(1/3) in m.
-    #[must_use]
     pub fn stick_radius(&self, force: f64) -> f64 {
         self.hertz.contact_radius() * libm::cbrt(self.reserve(force))
     }
 
     /// Tangential force Q in N at a displacement U in m. In gross slip it is μF.
-    #[must_use]
     pub fn force(&self, displacement: f64) -> f64 {
         let left = (1.0 - displacement / self.sliding_displacement()).max(0.0);
         self.sliding_force() * (1.0 - left * left.sqrt())
@@ -239,7 +225,6 @@ impl CattaneoMindlin {
     ///
     /// For small q the result is proportional to q³ and the terms cancel: the relative error is
     /// 1e-15/q³.
-    #[must_use]
     pub fn energy_per_cycle(&self, amplitude: f64) -> f64 {
         let left = self.reserve(amplitude);
         let (q, power) = (1.0 - left, two_thirds(left));
@@ -268,7 +253,6 @@ fn two_thirds(x: f64) -> f64 {
 /// use fretwork_engine::reference::stick_ratio;
 /// assert!((stick_ratio(2.0, 0.875) - 0.5).abs() < 1e-15);
 /// ```
-#[must_use]
 pub fn stick_ratio(n: f64, q: f64) -> f64 {
     libm::pow(1.0 - q, 1.0 / (n + 1.0))
 }
@@ -301,7 +285,6 @@ pub struct SlidingTransition {
 
 impl SlidingTransition {
     /// The criteria for a power law with exponent n.
-    #[must_use]
     pub fn of(n: f64) -> Self {
         let energy_ratio = 1.0 / (2.0 * n + 1.0);
         let displacement_ratio = libm::exp2(1.0 / (n + 1.0)) - 1.0;
@@ -324,7 +307,6 @@ impl SlidingTransition {
 /// use fretwork_engine::reference::initial_wear_rate;
 /// assert!((initial_wear_rate(2.0, 0.5) - 0.1222).abs() < 1e-4);
 /// ```
-#[must_use]
 pub fn initial_wear_rate(n: f64, c: f64) -> f64 {
     let power = libm::pow(c, n);
     let integral =
@@ -339,7 +321,6 @@ pub fn initial_wear_rate(n: f64, c: f64) -> f64 {
 /// For y = d(1 − (x/a)ⁿ) the quotient of the integrals is d·2n/(2n+1). For U = U_gs this result
 /// gives A of [`SlidingTransition`]. A flat punch has U_el = U_gs = μF/(2G*a), which is a lower
 /// bound of U_el during wear.
-#[must_use]
 pub fn elastic_amplitude_ratio(n: f64) -> f64 {
     2.0 * n / (2.0 * n + 1.0)
 }
@@ -358,7 +339,6 @@ pub fn elastic_amplitude_ratio(n: f64) -> f64 {
 /// let volume = gross_slip_volume(1e-14, 10.0, 50e-6, 1e6);
 /// assert!((volume / 0.02e-9 - 1.0).abs() < 1e-12);
 /// ```
-#[must_use]
 pub fn gross_slip_volume(wear: f64, force: f64, slip: f64, cycles: f64) -> f64 {
     4.0 * wear * force * slip * cycles
 }
@@ -366,7 +346,6 @@ pub fn gross_slip_volume(wear: f64, force: f64, slip: f64, cycles: f64) -> f64 {
 /// The shakedown limit of q₀ = Q/(μF₀) at constant depth and tangential force: (n+1)^(−1/n). It is
 /// 0.577 for a paraboloid and 0.5 for a cone. Below the limit wear stops, and the final stick ratio
 /// is at least (n+1)^(−1/n). Above the limit wear leads to gross slip.
-#[must_use]
 pub fn shakedown_limit(n: f64) -> f64 {
     libm::pow(n + 1.0, -1.0 / n)
 }

@@ -77,7 +77,6 @@ impl Changing {
     }
 
     /// The number, if the coefficient is constant.
-    #[must_use]
     pub fn constant(&self) -> Option<f64> {
         match self {
             Self::Constant(value) => Some(*value),
@@ -97,7 +96,6 @@ impl Changing {
     }
 
     /// All values of the coefficient.
-    #[must_use]
     pub fn values(&self) -> &[f64] {
         match self {
             Self::Constant(value) => std::slice::from_ref(value),

@@ -196,7 +196,6 @@ const OTHER_NAMES: [(&str, &str, &str); 10] = [
 ];
 
 /// The error text for an unknown name. It contains the most similar accepted name and all accepted names.
-#[must_use]
 pub fn unknown(what: &str, given: &str, accepted: &[&str]) -> String {
     let lower = given.to_lowercase();
     let is_meant = |name: &str| lower == name || name.len() > 4 && lower.contains(name);

@@ -139,7 +139,6 @@ impl ObjectForm {
     ///
     /// # Panics
     /// It is not JSON; a test reads all examples.
-    #[must_use]
     #[expect(clippy::expect_used, reason = "a test reads all examples")]
     pub fn example(&self) -> Option<Value> {
         let example = Some(self.example).filter(|example| !example.is_empty());
@@ -155,7 +154,6 @@ impl ObjectForm {
     }
 
     /// The input that a member of this object is.
-    #[must_use]
     pub fn input(&self, member: &str) -> Option<&'static Input> {
         let pointer = format!("{}/{member}", self.pointer);
         let has = |sibling: &str| self.members().any(|(name, _)| name == sibling);

@@ -138,7 +138,6 @@ impl BlockInput {
     }
 
     /// Whether the block holds a tangential force.
-    #[must_use]
     pub fn is_force(&self) -> bool {
         self.tangential_force.0.is_some()
     }
@@ -437,7 +436,6 @@ impl Motion {
     }
 
     /// What the stroke of a line contact is measured against.
-    #[must_use]
     pub fn reference(&self) -> Option<Reference> {
         let rig_stiffness = self.rig_stiffness.0.map(|stiffness| stiffness.0);
         let distance = self.reference_distance.0.map(|it| it.0);

@@ -61,13 +61,11 @@ pub enum Profile {
 
 impl Profile {
     /// The geometry of the contact.
-    #[must_use]
     pub fn geometry(&self) -> Geometry {
         if self.length().is_some() { Geometry::Line } else { Geometry::Round }
     }
 
     /// The length of a line contact in m. `None` if the contact is round.
-    #[must_use]
     pub fn length(&self) -> Option<f64> {
         let length = match self {
             Self::Power(power) => power.length.0?,
@@ -215,7 +213,6 @@ pub struct Radii(pub [Rounded<Length>; 2]);
 
 impl Radii {
     /// The radius √(R₁R₂) of the paraboloid with the same contact area, to first order in the difference of the radii.
-    #[must_use]
     pub fn mean(self) -> f64 {
         let [along, across] = self.0;
         (along.0 * across.0).sqrt()

@@ -309,7 +309,6 @@ fn holds(condition: &str, parts: &[&str], scenario: &Value) -> bool {
 }
 
 /// The name and the symbol of the input at a pointer of a scenario. Without a name, it is the last member in words.
-#[must_use]
 pub fn named(pointer: &str, scenario: &Value) -> (String, &'static str) {
     let parts: Vec<&str> = pointer.split('/').collect();
     let Some(input) = Input::at(&parts, scenario) else {
@@ -326,7 +325,6 @@ pub fn named(pointer: &str, scenario: &Value) -> (String, &'static str) {
 }
 
 /// What the number at a pointer of a scenario measures. The numbers of a list or range measure what it measures.
-#[must_use]
 pub fn measure_at(pointer: &str, scenario: &Value) -> Measure {
     let parts: Vec<&str> = pointer.split('/').collect();
     let own = Input::at(&parts, scenario);

@@ -30,7 +30,6 @@ pub enum Measure {
 impl Cycles {
     /// The index of an output cycle among the rows of the history. Every history begins with the unworn state, at 0.
     /// `None` if there is no such output cycle.
-    #[must_use]
     pub fn row(&self, number: f64) -> Option<usize> {
         let unworn = (self.instants[0] > 0.0).then_some(0.0);
         let number = twelve_digits(number);

@@ -84,7 +84,6 @@ const OTHER_UNITS: [(&str, f64); 7] = [
 ];
 
 /// The factor of a unit of the table to that of SI.
-#[must_use]
 pub fn factor_to_si(unit: &str) -> f64 {
     let mut exponent = 0;
     for (place, product) in unit.split('/').enumerate() {
@@ -130,7 +129,6 @@ impl Dimension {
     };
 
     /// The dimension of the quantity per length, in which a line contact can state it.
-    #[must_use]
     pub fn per_length(self) -> Option<Self> {
         match self {
             Force => Some(ForcePerLength),
@@ -145,13 +143,11 @@ impl Dimension {
     }
 
     /// The name in error texts.
-    #[must_use]
     pub fn name(self) -> &'static str {
         self.row().0
     }
 
     /// The SI unit of numbers without a unit.
-    #[must_use]
     pub fn si(self) -> &'static str {
         self.units().next().unwrap_or("")
     }
@@ -161,7 +157,6 @@ impl Dimension {
     }
 
     /// A list of all accepted units, for error texts and for the schema.
-    #[must_use]
     pub fn accepted(self) -> String {
         self.row().1.to_owned()
     }

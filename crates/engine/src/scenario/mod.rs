@@ -389,7 +389,6 @@ impl Scenario {
     }
 
     /// Warnings that follow from the canonical numbers.
-    #[must_use]
     pub fn warnings(&self, case: &Case) -> Vec<Warning> {
         let Scales { contact_radius: a, indentation_depth: d, .. } = case.scales;
         // The block with the largest amplitude determines the warnings. A record can contain many loops per cycle.

@@ -74,7 +74,6 @@ impl Simulation {
     }
 
     /// Prepares the run of a case. The warnings become part of the outcome.
-    #[must_use]
     pub fn new(case: Case, warnings: Vec<Warning>) -> Self {
         Self { phase: Phase::Running(Box::new(SingleRun::new(case))), warnings }
     }
@@ -114,7 +113,6 @@ impl Simulation {
 
     /// The rows that are computed so far. Their digits are those of the outcome. The contact radii and scar radii of the
     /// exact method are missing until all rows are computed, because the run then smooths them over time.
-    #[must_use]
     pub fn so_far(&self) -> History {
         match &self.phase {
             Phase::Running(run) => {
@@ -131,7 +129,6 @@ impl Simulation {
     }
 
     /// Runs to the end.
-    #[must_use]
     pub fn run(mut self) -> Outcome {
         loop {
             if let Advance::Done(outcome) = self.step() {

@@ -239,7 +239,6 @@ fn between(knots: &[f64], x: f64) -> Option<(usize, f64)> {
 }
 
 /// Computes the table `exact_volumes.csv` again, which takes about ten seconds.
-#[must_use]
 pub fn exact_volumes() -> String {
     let names = "load_held,motion_held,exponent,stick_ratio,end,end_value";
     let mut lines = vec![format!("{names},{}", TIMES.map(|time| time.to_string()).join(","))];

@@ -27,7 +27,6 @@ pub struct Wanted<'a> {
 
 impl Wanted<'_> {
     /// The first two columns, with all that is usual.
-    #[must_use]
     pub const fn of(prepare: Prepare) -> Self {
         Self {
             x: None,
@@ -61,7 +60,6 @@ impl Up {
 pub const ENDS: &str = "FROM..TO with a unit of length, the smaller one first, such as 0.4..1.6mm";
 
 /// Reads the ends of a scar. The first end may have its own unit.
-#[must_use]
 pub fn ends(text: &str) -> Option<[f64; 2]> {
     let (from, to) = text.split_once("..")?;
     let unit = to.trim_start_matches(|it: char| it.is_ascii_digit() || ".+-eE ".contains(it));

@@ -131,7 +131,6 @@ impl MeasuredNumbers {
     }
 
     /// The same numbers without those for which `is_left_out` holds.
-    #[must_use]
     pub fn without(&self, is_left_out: impl Fn(usize) -> bool) -> Self {
         let mut rest = self.clone();
         let points = rest.points.iter_mut().enumerate();

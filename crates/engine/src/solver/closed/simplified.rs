@@ -248,7 +248,6 @@ pub struct State {
 
 impl Simplified {
     /// Prepares `points` ≥ 16 output radii.
-    #[must_use]
     pub fn new(contact: &Contact, points: usize) -> Self {
         let Contact { ref shape, stick: c, limit, .. } = *contact;
         let grid = Grid::new(c, limit.radius, points, shape.extent());
@@ -269,7 +268,6 @@ impl Simplified {
     }
 
     /// The output radii: the core, then the ring from c to ã, then some radii outside.
-    #[must_use]
     pub fn radii(&self) -> &[f64] {
         &self.grid.radii
     }
@@ -305,7 +303,6 @@ impl Simplified {
     }
 
     /// The decay factor e = exp(−ξÑ/ã).
-    #[must_use]
     pub fn decay(&self, xi: f64, normalized_cycles: f64) -> Decay {
         Decay::after(xi * normalized_cycles / self.contact.limit.radius)
     }
@@ -316,7 +313,6 @@ impl Simplified {
     }
 
     /// The states at several decays. The flag of each decay requests curves.
-    #[must_use]
     pub fn states(&self, wanted: &[(Decay, bool)]) -> Vec<State> {
         let (mut worn, mut changes) = (Vec::new(), Vec::new());
         let (mut found, mut more) = (Vec::new(), Vec::new());

@@ -26,7 +26,6 @@ use crate::solver::pressures::{Rings, kernel};
 impl Curves {
     /// The curves of a worn shape at the given radii, in ascending order. `prior` is the wear before the
     /// first wear on the mesh.
-    #[must_use]
     pub fn of(
         shape: &Shape,
         (mesh, prior): (&Mesh, &PriorWear),

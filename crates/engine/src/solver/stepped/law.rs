@@ -13,7 +13,6 @@ pub const PAPER_XI: f64 = 0.8;
 /// # Accuracy
 /// The two numbers were fitted to runs of the exact method. VERIFICATION.md shows the errors that
 /// remain.
-#[must_use]
 pub fn fitted_xi(stick_ratio: f64) -> f64 {
     (0.33 + 0.20 / (1.0 - stick_ratio)).sqrt().min(Xi::RANGE.1)
 }
@@ -41,7 +40,6 @@ pub struct WearProblem<'a> {
 
 impl<'a> WearProblem<'a> {
     /// The wear problem with the exact law.
-    #[must_use]
     pub fn exact(contact: &'a Contact, control: &'a Control) -> Self {
         Self { contact, control, law: Law::Exact }
     }

@@ -186,7 +186,6 @@ impl March {
     /// at which the run will end.
     ///
     /// `None` if the scar would become larger than the shape.
-    #[must_use]
     pub fn new(problem: WearProblem<'_>, tolerance: f64, last: f64) -> Option<Self> {
         let (cells, tolerance) = effort(problem, tolerance);
         Self::with_cells(problem, cells, tolerance, last)
@@ -235,7 +234,6 @@ impl March {
     }
 
     /// Starts with the unworn contact on `cells` cells.
-    #[must_use]
     pub fn with_cells(
         problem: WearProblem<'_>,
         cells: usize,
@@ -444,13 +442,11 @@ impl March {
     }
 
     /// The time at which the run ended early, if it did.
-    #[must_use]
     pub fn ended(&self) -> Option<f64> {
         self.events.iter().find(|event| event.ends).map(|event| event.at)
     }
 
     /// The events so far, in order of time.
-    #[must_use]
     pub fn events(&self) -> &[Event] {
         &self.events
     }
@@ -585,7 +581,6 @@ impl March {
     }
 
     /// The outer radius of the mesh in a₀. With blocks it is the largest of all meshes.
-    #[must_use]
     pub fn reach(&self) -> f64 {
         self.fine.wearing.plan.reach.max(self.reach)
     }
@@ -596,13 +591,11 @@ impl March {
     }
 
     /// The number of mesh cells.
-    #[must_use]
     pub fn cells(&self) -> usize {
         self.fine.wearing.springs.mesh.widths.len()
     }
 
     /// The number of steps and of evaluations so far, for both runs together.
-    #[must_use]
     pub fn work(&self) -> (usize, usize) {
         let (fine, coarse) = (&self.fine.rkc, &self.coarse.rkc);
         (fine.accepted + coarse.accepted, fine.evaluations + coarse.evaluations)
@@ -623,13 +616,11 @@ impl March {
     }
 
     /// The contact of the fine run.
-    #[must_use]
     pub fn wearing(&self) -> &Wearing {
         &self.fine.wearing
     }
 
     /// The state at a time within the last step.
-    #[must_use]
     pub fn at(&mut self, normalized_cycles: f64) -> MarchState {
         let time = self.fine.within(normalized_cycles);
         let [worn_by_energy, dissipated] = self.fine.energies_until(time);

@@ -87,7 +87,6 @@ impl MeshPlan {
     /// Plans the mesh before the run, from the quantities that are held constant.
     ///
     /// `None` if the scar would become larger than the shape.
-    #[must_use]
     pub fn first(contact: &Contact, control: &Control, cells: usize) -> Option<Self> {
         let shape = &contact.shape;
         // Each block has a mesh of its own.

@@ -69,7 +69,6 @@ pub struct Wearing {
 
 impl Wearing {
     /// Creates a contact with prior wear on a mesh.
-    #[must_use]
     pub fn new(
         problem: WearProblem<'_>,
         (plan, prior): (MeshPlan, Arc<PriorWear>),
@@ -228,7 +227,6 @@ impl Wearing {
     }
 
     /// The mesh, and the wear on which it starts.
-    #[must_use]
     pub fn surface(&self) -> (&Mesh, &PriorWear) {
         (&self.springs.mesh, &self.prior)
     }
