@@ -5,12 +5,9 @@ use std::time::Duration;
 use sqlx::postgres::PgConnection;
 use sqlx::{Connection as _, SqliteConnection};
 
-use crate::database::change::{Change, Verb};
-use crate::database::error::{Command, Result};
-use crate::database::place::Place;
-use crate::database::row::Columns;
-use crate::database::statement::sql;
-use crate::database::tables::{Connected, Connection, Tables};
+use crate::database::{
+    Change, Columns, Command, Connected, Connection, Place, Result, Tables, Verb, sql,
+};
 use crate::team::audit::{self, Actor, AuditEntry};
 use crate::team::keys::{self, AccessKey, NewKey};
 use crate::{postgres, sqlite};

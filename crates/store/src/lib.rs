@@ -22,7 +22,6 @@
     clippy::missing_errors_doc,
     reason = "all fail for the same reasons: the database fails or is closed, as `Error` says"
 )]
-#![expect(clippy::must_use_candidate, reason = "the compiler warns about an unused future")]
 
 mod administration;
 mod database;

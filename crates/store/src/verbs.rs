@@ -9,15 +9,10 @@ use bytes::Bytes;
 use futures_util::stream::iter;
 use futures_util::{StreamExt as _, TryStreamExt as _};
 
-use crate::database::change::{Change, SharedVerb, Verb};
-use crate::database::error::{Command, Doing, Error, Result};
-use crate::database::options::{FileSizes, Options, Recovered};
-use crate::database::place::Place;
-use crate::database::row::{Columns, Row, Sum};
-use crate::database::signals::{Changes, Deletions, Signals};
-use crate::database::statement::{Statement, sql};
-use crate::database::tables::{Most, Purpose, Tables};
-use crate::database::tally::Tally;
+use crate::database::{
+    Change, Changes, Columns, Command, Deletions, Doing, Error, FileSizes, Most, Options, Place,
+    Purpose, Recovered, Result, Row, SharedVerb, Signals, Statement, Sum, Tables, Tally, Verb, sql,
+};
 use crate::jobs::cancel::{self, Canceled, Deleted};
 use crate::jobs::claimed::{Claimed, FinishedChunk, Piece};
 use crate::jobs::naming;

@@ -1,11 +1,6 @@
 //! What requests to cancel or delete a job do.
 
-use crate::database::change::Change;
-use crate::database::error::Result;
-use crate::database::row::{Columns, RunId};
-use crate::database::signals::Effect;
-use crate::database::statement::sql;
-use crate::database::tables::{Connected, Tables};
+use crate::database::{Change, Columns, Connected, Effect, Result, RunId, Tables, sql};
 use crate::jobs::read;
 use crate::team::audit::{Act, Actor, record};
 use fretwork_job::{Job, JobId, JobState};

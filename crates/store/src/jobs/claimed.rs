@@ -3,12 +3,9 @@
 use std::borrow::Cow;
 use std::time::Duration;
 
-use crate::database::body::Body;
-use crate::database::error::Result;
-use crate::database::row::{Columns, Row, RunId, RunPart, read};
-use crate::database::signals::Stop;
-use crate::database::statement::sql;
-use crate::database::tables::{Connected, Tables};
+use crate::database::{
+    Body, Columns, Connected, Result, Row, RunId, RunPart, Stop, Tables, read, sql,
+};
 use fretwork_job::{Cost, Key};
 
 /// A run, or a piece of a study, that a worker has claimed.

@@ -2,11 +2,7 @@
 
 use serde_json::Value;
 
-use crate::database::change::Change;
-use crate::database::error::Result;
-use crate::database::row::Columns as _;
-use crate::database::statement::sql;
-use crate::database::tables::{Connected as _, Tables as _};
+use crate::database::{Change, Columns as _, Connected as _, Result, Tables as _, sql};
 use crate::jobs::read;
 use fretwork_job::{Job, JobId, Naming};
 

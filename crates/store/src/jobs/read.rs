@@ -1,11 +1,8 @@
 //! Reads jobs, pages of jobs, and results.
 
-use crate::database::body::Body;
-use crate::database::error::{Error, Result};
-use crate::database::row::{Columns, Row, RunId, Sum, page_of, read};
-use crate::database::statement::{Statement, sql};
-use crate::database::tables::Tables;
-use crate::database::words::Words;
+use crate::database::{
+    Body, Columns, Error, Result, Row, RunId, Statement, Sum, Tables, Words, page_of, read, sql,
+};
 use fretwork_job::{Canonical, Failure, Job, JobId, JobState, Key};
 
 /// Conditions on the jobs of a list. `None` means no condition.

@@ -4,10 +4,7 @@ use std::num::NonZeroU32;
 
 use serde::Serialize;
 
-use crate::database::error::{Error, IDEMPOTENCY, Result};
-use crate::database::row::Columns;
-use crate::database::statement::sql;
-use crate::database::tables::{Connected, Tables};
+use crate::database::{Columns, Connected, Error, IDEMPOTENCY, Result, Tables, sql};
 use crate::jobs::read;
 use crate::results::keep::Source;
 use fretwork_engine::scenario::Warning;

@@ -15,11 +15,10 @@ use super::{
     COMPANIONS, Moving, PartialFile, put, reading, refused, remove, settle, sync_directory,
 };
 use crate::administration::PATIENCE;
-use crate::database::body::Body;
-use crate::database::error::{Command, Error, unless_damaged};
-use crate::database::row::{Columns as _, Sum};
-use crate::database::statement::{Statement, sql};
-use crate::database::tables::{Connected as _, Tables as _};
+use crate::database::{
+    Body, Columns as _, Command, Connected as _, Error, Statement, Sum, Tables as _, sql,
+    unless_damaged,
+};
 use crate::sqlite::open::{self, DATABASE, LOCK};
 use crate::sqlite::{ledger, schema};
 use fretwork_job::{Key, clock};

@@ -19,11 +19,10 @@ use sqlx::{AssertSqlSafe, Connection as _, SqliteConnection};
 use super::damage::{Damage, SCHEMA, UNUSED, in_schema, locate};
 use super::{Moving, PartialFile, reading, refused, settle};
 use crate::administration::PATIENCE;
-use crate::database::body::Body;
-use crate::database::error::{Command, Error, Result, is_other_file, unless_damaged};
-use crate::database::row::{Columns, Sum, changes, checksum};
-use crate::database::statement::{Statement, sql};
-use crate::database::tables::{Connected as _, Tables as _};
+use crate::database::{
+    Body, Columns, Command, Connected as _, Error, Result, Statement, Sum, Tables as _, changes,
+    checksum, is_other_file, sql, unless_damaged,
+};
 use crate::results::keep::outlined;
 use crate::results::search::names;
 use crate::sqlite::open::{self, DATABASE};

@@ -1,10 +1,6 @@
 //! Stores results of other servers, which an import has read from a file.
 
-use crate::database::change::Change;
-use crate::database::error::Result;
-use crate::database::row::Columns;
-use crate::database::statement::sql;
-use crate::database::tables::{Connected, Connection, Tables};
+use crate::database::{Change, Columns, Connected, Connection, Result, Tables, sql};
 use crate::results::keep::{Answered, Source};
 use crate::results::library::{Note, Program};
 use crate::{postgres, sqlite};

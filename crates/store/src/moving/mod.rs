@@ -23,8 +23,7 @@ use std::path::{Path, PathBuf};
 use sqlx::{Connection as _, SqliteConnection};
 
 use crate::administration::PATIENCE;
-use crate::database::error::{Error, unless_damaged};
-use crate::database::place::Place;
+use crate::database::{Error, Place, unless_damaged};
 use crate::sqlite::open;
 use fretwork_job::Key;
 

@@ -6,11 +6,7 @@
 use super::follow::follow;
 use super::lease;
 use super::transaction::Transaction;
-use crate::database::error::Result;
-use crate::database::row::{Columns, RunId, read};
-use crate::database::signals::Effect;
-use crate::database::statement::sql;
-use crate::database::tables::{Connected, Tables};
+use crate::database::{Columns, Connected, Effect, Result, RunId, Tables, read, sql};
 use crate::jobs::claimed::{Claim, Claimed, FinishedChunk, Stages, Study, is_step};
 
 /// Locks a study until the end of the transaction. Returns `None` if the run is no study.

@@ -2,10 +2,7 @@
 
 use super::lease;
 use super::transaction::Transaction;
-use crate::database::error::Result;
-use crate::database::row::{Columns, Row, RunId};
-use crate::database::signals::Effect;
-use crate::database::tally::Ending;
+use crate::database::{Columns, Effect, Ending, Result, Row, RunId};
 
 /// Copies the states of runs to their unfinished jobs. An earlier statement must have locked the runs. A submission that
 /// adds a job to a run waits for this lock.

@@ -13,11 +13,7 @@ use parking_lot::Mutex;
 use sqlx::postgres::PgConnection;
 use tokio::sync::Notify;
 
-use crate::database::error::Result;
-use crate::database::row::RunId;
-use crate::database::signals::Effect;
-use crate::database::statement::sql;
-use crate::database::tables::Connected;
+use crate::database::{Connected, Effect, Result, RunId, sql};
 use fretwork_job::Key;
 
 /// The channel of the notifications.

@@ -2,9 +2,7 @@
 
 use std::sync::LazyLock;
 
-use crate::database::error::Result;
-use crate::database::statement::Statement;
-use crate::database::tables::{Connected, Tables};
+use crate::database::{Connected, Result, Statement, Tables};
 use crate::results::keep::{Answered, COLUMNS, REPLACE, Source, outlined};
 
 /// Stores a result with its body, task and outline, unless the key already has a result. If $1 is true, it replaces an

@@ -13,10 +13,7 @@ use sqlx::postgres::PgConnection;
 
 use super::Node;
 use super::transaction::Transaction;
-use crate::database::error::Result;
-use crate::database::row::{Columns, RunId, RunPart};
-use crate::database::statement::sql;
-use crate::database::tables::Connected;
+use crate::database::{Columns, Connected, Result, RunId, RunPart, sql};
 use crate::jobs::claimed::Claimed;
 
 /// A duration in milliseconds.

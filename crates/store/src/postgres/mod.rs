@@ -37,11 +37,9 @@ use std::time::{Duration, Instant};
 use tokio::sync::{Semaphore, watch};
 use tokio::time::timeout;
 
-use crate::database::error::{Error, Result};
-use crate::database::row::{Columns, Row};
-use crate::database::signals::Signals;
-use crate::database::statement::{Statement, sql};
-use crate::database::tables::{Most, Purpose, Tables};
+use crate::database::{
+    Columns, Error, Most, Purpose, Result, Row, Signals, Statement, Tables, sql,
+};
 
 use backlog::Backlog;
 use contact::Contact;

@@ -13,10 +13,7 @@ use super::lease;
 use super::transaction::reading;
 use super::upkeep::Upkeep;
 use super::{Database, Parts, hints, schema};
-use crate::database::error::{Error, Result};
-use crate::database::options::Options;
-use crate::database::place::DatabaseUrl;
-use crate::database::signals::Signals;
+use crate::database::{DatabaseUrl, Error, Options, Result, Signals};
 
 /// The queue is counted at this interval, for the metrics and the limit of the queue.
 const COUNT: Duration = Duration::from_secs(1);

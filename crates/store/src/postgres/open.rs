@@ -11,11 +11,7 @@ use super::contact::Contact;
 use super::pool::Pool;
 use super::queue::Queue;
 use super::{Database, Node, Parts, node, schema};
-use crate::database::error::Result;
-use crate::database::options::Options;
-use crate::database::place::DatabaseUrl;
-use crate::database::signals::Signals;
-use crate::database::tables::Lock;
+use crate::database::{DatabaseUrl, Lock, Options, Result, Signals};
 use crate::results::library::Program;
 use fretwork_job::JobId;
 

@@ -12,8 +12,7 @@ use sqlx::{ConnectOptions as _, Connection as _};
 use tokio::sync::{Semaphore, SemaphorePermit};
 use tokio::time::timeout;
 
-use crate::database::error::{Error, Result};
-use crate::database::tables::{Connected, Connection};
+use crate::database::{Connected, Connection, Error, Result};
 
 /// Maximum time that a caller waits for a free connection, and maximum time to open one.
 const PATIENCE: Duration = Duration::from_secs(10);

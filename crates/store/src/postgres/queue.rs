@@ -11,10 +11,7 @@ use std::time::Instant;
 use parking_lot::Mutex;
 
 use super::rest::{self, Rest};
-use crate::database::error::Result;
-use crate::database::row::Columns;
-use crate::database::statement::Statement;
-use crate::database::tables::Tables;
+use crate::database::{Columns, Result, Statement, Tables};
 use fretwork_job::ENGINE;
 
 /// The owners with work for a worker of the `numerics` version $1, with their most urgent jobs and the numbers of their

@@ -15,13 +15,10 @@ use super::follow::{ended_by, follow};
 use super::lease;
 use super::queue::{Turns, Waiting};
 use super::transaction::{Transaction, reading};
-use crate::database::error::Result;
-use crate::database::options::{MAX_LOST, Recovered};
-use crate::database::row::{Columns, Row, RunId};
-use crate::database::signals::Effect;
-use crate::database::statement::{Statement, sql};
-use crate::database::tables::{Connected, Tables};
-use crate::database::tally::Ending;
+use crate::database::{
+    Columns, Connected, Effect, Ending, MAX_LOST, Recovered, Result, Row, RunId, Statement, Tables,
+    sql,
+};
 use crate::jobs::claimed::{Claim, Claimed};
 use crate::results::keep::{self, Answered, Finish, Source};
 use fretwork_job::{ENGINE, FailureKind, JobState};

@@ -6,8 +6,7 @@ use sqlx::SqlSafeStr as _;
 use sqlx::migrate::{MigrateError, Migration, MigrationType, Migrator};
 use sqlx::postgres::PgConnection;
 
-use crate::database::error::{Error, Result};
-use crate::database::place::DatabaseUrl;
+use crate::database::{DatabaseUrl, Error, Result};
 
 /// The migrations of the schema: version, name and SQL.
 const CHANGES: [(i64, &str, &str); 9] = [

@@ -5,12 +5,7 @@ use std::time::{Duration, Instant};
 
 use super::transaction::Transaction;
 use super::{chunks, keep};
-use crate::database::error::{Error, Result};
-use crate::database::row::{Columns, Row, RunId};
-use crate::database::signals::Effect;
-use crate::database::statement::sql;
-use crate::database::tables::{Connected, Tables};
-use crate::database::tally::Ending;
+use crate::database::{Columns, Connected, Effect, Ending, Error, Result, Row, RunId, Tables, sql};
 use crate::jobs::read::read_job;
 use crate::jobs::submit::{Admission, NewJob, Queued, Submitted, json};
 use crate::results::keep::Answered;

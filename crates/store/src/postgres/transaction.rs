@@ -7,10 +7,7 @@ use tokio::time::timeout;
 
 use super::pool::Borrowed;
 use super::{Database, PATIENCE, Parts, hints};
-use crate::database::change::{Change, Verb};
-use crate::database::error::{Doing, Error, Result};
-use crate::database::signals::Effect;
-use crate::database::tables::Connected;
+use crate::database::{Change, Connected, Doing, Effect, Error, Result, Verb};
 
 /// Maximum number of retries of a verb after conflicts with other transactions.
 const CONFLICTS: u32 = 10;

@@ -4,13 +4,9 @@ use std::time::{Duration, Instant};
 
 use super::Database;
 use super::transaction::{Transaction, reading};
-use crate::database::change::Verb;
-use crate::database::error::Result;
-use crate::database::options::Options;
-use crate::database::row::Columns;
-use crate::database::signals::Effect;
-use crate::database::statement::{Statement, sql};
-use crate::database::tables::{Connected, Lock, Tables};
+use crate::database::{
+    Columns, Connected, Effect, Lock, Options, Result, Statement, Tables, Verb, sql,
+};
 use crate::jobs::ages::AgeClock;
 use crate::jobs::upkeep;
 use crate::results::keep;

@@ -2,13 +2,9 @@
 
 use sha2::{Digest, Sha256};
 
-use crate::database::body::Body;
-use crate::database::change::Change;
-use crate::database::error::Result;
-use crate::database::row::{Columns, Row};
-use crate::database::signals::Effect;
-use crate::database::statement::{Statement, sql};
-use crate::database::tables::{Connected, Lock, Tables};
+use crate::database::{
+    Body, Change, Columns, Connected, Effect, Lock, Result, Row, Statement, Tables, sql,
+};
 use crate::results::search::names;
 use crate::team::audit::{Act, Actor, record};
 use fretwork_job::{Answer, Cost, JobId, Key, Outline, Recomputed};

@@ -2,10 +2,7 @@
 
 use serde_json::Value;
 
-use crate::database::error::{Error, Result};
-use crate::database::row::{Columns, Row, read};
-use crate::database::statement::{Statement, sql};
-use crate::database::tables::{Connected, Tables};
+use crate::database::{Columns, Connected, Error, Result, Row, Statement, Tables, read, sql};
 use fretwork_job::{Canonical, ENGINE, JobId, Key, Verified};
 
 /// What a user wrote about a result.

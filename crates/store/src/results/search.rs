@@ -6,11 +6,7 @@ use std::str::FromStr;
 
 use serde::Deserialize;
 
-use crate::database::error::Result;
-use crate::database::row::{Columns, Row, page_of, read};
-use crate::database::statement::{Statement, sql};
-use crate::database::tables::Tables;
-use crate::database::words::Words;
+use crate::database::{Columns, Result, Row, Statement, Tables, Words, page_of, read, sql};
 use crate::results::library::Note;
 use fretwork_engine::request::quantity::{self, Dimension};
 use fretwork_job::{JobId, Key, Outline, SCALARS, WORDS, clock};

@@ -1,12 +1,7 @@
 //! Canceling jobs.
 
 use super::transaction::Transaction;
-use crate::database::error::Result;
-use crate::database::row::{Columns, RunId};
-use crate::database::signals::Effect;
-use crate::database::statement::sql;
-use crate::database::tables::{Connected, Tables};
-use crate::database::tally::Ending;
+use crate::database::{Columns, Connected, Effect, Ending, Result, RunId, Tables, sql};
 use crate::jobs::cancel::Canceled;
 use crate::jobs::read;
 use crate::team::audit::{Act, Actor, record};

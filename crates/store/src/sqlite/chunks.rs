@@ -4,11 +4,7 @@
 //! crash or a release, only the pieces that were running are queued again.
 
 use super::transaction::Transaction;
-use crate::database::error::Result;
-use crate::database::row::{Columns, RunId};
-use crate::database::signals::Effect;
-use crate::database::statement::sql;
-use crate::database::tables::{Connected, Tables};
+use crate::database::{Columns, Connected, Effect, Result, RunId, Tables, sql};
 use crate::jobs::claimed::{Claim, Claimed, FinishedChunk, is_step};
 
 /// Claims a piece of a study: a new chunk of this stage; if there is none, a chunk that was released or lost; if there is none, the

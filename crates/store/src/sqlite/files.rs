@@ -7,7 +7,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::database::error::{Error, Result};
+use crate::database::{Error, Result};
 
 /// The device and the number of a file.
 type FileIdentity = (u64, u64);

@@ -6,9 +6,7 @@ use std::sync::LazyLock;
 use sqlx::SqliteConnection;
 
 use super::outline;
-use crate::database::error::Result;
-use crate::database::statement::Statement;
-use crate::database::tables::Connected;
+use crate::database::{Connected, Result, Statement};
 use crate::results::keep::{Answered, COLUMNS, REPLACE, Source};
 
 /// Why a result is stored.

@@ -13,7 +13,7 @@ use std::io::{self, Read as _, Seek as _, Write as _};
 
 use sqlx::SqliteConnection;
 
-use crate::database::error::Result;
+use crate::database::Result;
 use fretwork_job::clock::rfc3339;
 
 /// The number of commits, and the time of the last one in milliseconds since 1970.

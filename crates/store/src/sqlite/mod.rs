@@ -27,12 +27,9 @@ use std::time::Duration;
 
 use tokio::sync::{Semaphore, mpsc};
 
-use crate::database::change::Verb;
-use crate::database::error::{Error, Result};
-use crate::database::row::{Columns, Row};
-use crate::database::signals::Signals;
-use crate::database::statement::{Statement, sql};
-use crate::database::tables::{Most, Purpose, Tables};
+use crate::database::{
+    Columns, Error, Most, Purpose, Result, Row, Signals, Statement, Tables, Verb, sql,
+};
 use fretwork_job::clock::now;
 
 use readers::Readers;

@@ -22,12 +22,9 @@ use super::schema::{self, migrate};
 use super::transaction::Transaction;
 use super::upkeep::Upkeep;
 use super::writer::Writer;
-use crate::database::error::{Error, Result};
-use crate::database::options::{FileSizes, Options};
-use crate::database::row::Columns as _;
-use crate::database::signals::Signals;
-use crate::database::statement::sql;
-use crate::database::tables::{Connected as _, Tables as _};
+use crate::database::{
+    Columns as _, Connected as _, Error, FileSizes, Options, Result, Signals, Tables as _, sql,
+};
 use crate::jobs::ages::AgeClock;
 use crate::results::library::Program;
 use fretwork_job::clock::now;

@@ -3,11 +3,7 @@
 use serde_json::{Value, json};
 use sqlx::SqliteConnection;
 
-use crate::database::body::Body;
-use crate::database::error::{Error, Result};
-use crate::database::row::Columns;
-use crate::database::statement::{Statement, sql};
-use crate::database::tables::{Connected, Tables};
+use crate::database::{Body, Columns, Connected, Error, Result, Statement, Tables, sql};
 use crate::results::keep::outlined;
 use fretwork_job::{Document, Key, Outline, TaskKind, asked_in};
 

@@ -16,10 +16,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use sqlx::SqliteConnection;
 
-use crate::database::error::Result;
-use crate::database::row::{Columns as _, RunId, RunPart, read};
-use crate::database::statement::sql;
-use crate::database::tables::Tables as _;
+use crate::database::{Columns as _, Result, RunId, RunPart, Tables as _, read, sql};
 use crate::jobs::claimed::{Stages, Study};
 use fretwork_job::JobId;
 

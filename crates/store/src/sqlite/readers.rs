@@ -9,7 +9,7 @@ use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{Connection as _, SqliteConnection};
 use tokio::sync::{MappedMutexGuard, Mutex, MutexGuard, Semaphore, SemaphorePermit};
 
-use crate::database::error::{Error, Result};
+use crate::database::{Error, Result};
 
 /// Maximum time that a statement waits for a lock that another connection holds.
 pub(super) const BUSY: Duration = Duration::from_secs(5);

@@ -9,13 +9,9 @@ use super::keep::{Reason, keeping};
 use super::queue::Queue;
 use super::transaction::Transaction;
 use super::{Database, chunks};
-use crate::database::error::Result;
-use crate::database::options::{MAX_LOST, Recovered};
-use crate::database::row::{Columns, RunId};
-use crate::database::signals::Effect;
-use crate::database::statement::{Statement, sql};
-use crate::database::tables::{Connected, Tables};
-use crate::database::tally::Ending;
+use crate::database::{
+    Columns, Connected, Effect, Ending, MAX_LOST, Recovered, Result, RunId, Statement, Tables, sql,
+};
 use crate::jobs::claimed::{Claim, Claimed};
 use crate::results::keep::{self, Answered, Finish, Source};
 use fretwork_job::{FailureKind, Key};

@@ -11,7 +11,7 @@ use std::sync::{Arc, LazyLock};
 use sqlx::migrate::{MigrateError, Migration, MigrationType, Migrator};
 use sqlx::{Connection as _, SqlSafeStr as _, SqliteConnection};
 
-use crate::database::error::{Error, Result};
+use crate::database::{Error, Result};
 
 /// The migrations of the schema: version, name and SQL.
 const CHANGES: [(i64, &str, &str); 19] = [

@@ -6,12 +6,9 @@ use std::time::Duration;
 
 use super::keep::{Reason, keeping};
 use super::transaction::Transaction;
-use crate::database::error::Result;
-use crate::database::row::{Columns, Row, RunId, checksum};
-use crate::database::signals::Effect;
-use crate::database::statement::{Statement, sql};
-use crate::database::tables::{Connected, Tables};
-use crate::database::tally::Ending;
+use crate::database::{
+    Columns, Connected, Effect, Ending, Result, Row, RunId, Statement, Tables, checksum, sql,
+};
 use crate::jobs::claimed::Stages;
 use crate::jobs::read::read_job;
 use crate::jobs::submit::{Admission, NewJob, Queued, Submitted, json};

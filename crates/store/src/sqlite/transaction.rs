@@ -3,9 +3,7 @@
 use sqlx::SqliteConnection;
 
 use super::queue::Queue;
-use crate::database::change::Change;
-use crate::database::signals::Effect;
-use crate::database::tables::Connection;
+use crate::database::{Change, Connection, Effect};
 
 /// The connection of the writer task while a transaction is open.
 pub(crate) struct Transaction {

@@ -10,11 +10,7 @@ use std::time::{Duration, Instant};
 use sqlx::SqliteConnection;
 
 use super::transaction::Transaction;
-use crate::database::error::Result;
-use crate::database::row::{Columns, RunId};
-use crate::database::signals::Effect;
-use crate::database::statement::{Statement, sql};
-use crate::database::tables::{Connected, Tables};
+use crate::database::{Columns, Connected, Effect, Result, RunId, Statement, Tables, sql};
 use crate::jobs::ages::AgeClock;
 use crate::jobs::cancel::{delete_job, delete_unnamed};
 use fretwork_job::Key;

@@ -13,9 +13,7 @@ use super::log::{self, Log};
 use super::queue::Queue;
 use super::transaction::Transaction;
 use super::upkeep::{self, CHUNKS, Room, Upkeep, delete_old, make_room, write_clock, write_reads};
-use crate::database::change::{SharedVerb, Verb};
-use crate::database::error::{Error, Result};
-use crate::database::signals::{READ_AT_ONCE, Signals};
+use crate::database::{Error, READ_AT_ONCE, Result, SharedVerb, Signals, Verb};
 use crate::jobs::upkeep::{delete_chunks, forget_evicted};
 use fretwork_job::clock::now;
 

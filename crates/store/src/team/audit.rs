@@ -4,10 +4,7 @@
 //! cancels in one day share an entry, too, and so do those that it deletes. So no client can fill the log with ordinary
 //! requests.
 
-use crate::database::error::Result;
-use crate::database::row::{Columns, Row, cells, read};
-use crate::database::statement::sql;
-use crate::database::tables::{Connected, Tables};
+use crate::database::{Columns, Connected, Result, Row, Tables, cells, read, sql};
 use fretwork_job::words;
 
 words! {

@@ -7,11 +7,7 @@ use data_encoding::HEXLOWER;
 use sha2::{Digest as _, Sha256};
 use subtle::ConstantTimeEq as _;
 
-use crate::database::change::Change;
-use crate::database::error::{Error, Result};
-use crate::database::row::{Columns, Row, cells, read};
-use crate::database::statement::sql;
-use crate::database::tables::{Connected, Tables};
+use crate::database::{Change, Columns, Connected, Error, Result, Row, Tables, cells, read, sql};
 use crate::team::audit::{Act, Actor, record};
 use fretwork_job::words;
 

@@ -3,11 +3,7 @@
 
 use data_encoding::HEXLOWER;
 
-use crate::database::change::Change;
-use crate::database::error::{Error, Result};
-use crate::database::row::Columns;
-use crate::database::statement::sql;
-use crate::database::tables::{Connected, Tables};
+use crate::database::{Change, Columns, Connected, Error, Result, Tables, sql};
 use crate::team::keys::digest;
 
 /// Lifetime of a session in milliseconds: a week.
