@@ -1,7 +1,7 @@
 //! The JSON body of a submission. It is parsed once, and all its faults are listed.
 
-use deserr::{Deserr, IntoValue, ValuePointerRef};
-use fretwork_engine::request::fault::Faults;
+use deserr::{Deserr, IntoValue};
+use fretwork_engine::request::fault::{Faults, Pointer, Valid};
 use fretwork_engine::request::fields::Given;
 use serde_json::Value;
 
@@ -40,7 +40,7 @@ impl Submission {
         read_body(text, Self::read)
     }
 
-    fn read(mut body: Value) -> Result<Self, Faults> {
+    fn read(mut body: Value) -> Valid<Self> {
         let (kind, asked) = take_asked(&mut body)?;
         let envelope = typed::<Envelope>(body);
         let submitted = Some(asked.to_string()).filter(|text| text.len() <= MAX_SUBMITTED);
@@ -91,7 +91,7 @@ fn texts<const N: usize, const MOST: usize>(
 }
 
 /// Takes the scenario or the study out of a job body.
-fn take_asked(body: &mut Value) -> Result<(TaskKind, Value), Faults> {
+fn take_asked(body: &mut Value) -> Valid<(TaskKind, Value)> {
     let names = || TaskKind::all().map(TaskKind::member).collect::<Vec<_>>().join("` or `");
     let Some(members) = body.as_object_mut() else {
         return Err(Faults::one("", format!("must be a JSON object that contains `{}`", names())));
@@ -136,8 +136,8 @@ struct Text<const N: usize>(String);
 impl<const N: usize> Deserr<Faults> for Text<N> {
     fn deserialize_from_value<V: IntoValue>(
         value: deserr::Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
+        location: Pointer<'_>,
+    ) -> Valid<Self> {
         let text: String = Deserr::<Faults>::deserialize_from_value(value, location)?;
         let length = text.chars().count();
         if length == 0 || length > N {

@@ -8,7 +8,7 @@ use std::time::Duration;
 use bytes::Bytes;
 use fretwork_engine::case::Case;
 use fretwork_engine::outcome::{History, Outcome, ResultUnits};
-use fretwork_engine::request::fault::{Fault, Faults};
+use fretwork_engine::request::fault::{Fault, Valid};
 use fretwork_engine::scenario::{self, Scenario, Warning};
 use fretwork_engine::simulation::{self, Simulation};
 use serde::Serialize;
@@ -141,7 +141,7 @@ impl Prepared {
     ///
     /// # Errors
     /// Every fault.
-    pub fn read(kind: TaskKind, asked: Value) -> Result<Self, Faults> {
+    pub fn read(kind: TaskKind, asked: Value) -> Valid<Self> {
         match kind {
             TaskKind::Run => Self::from_scenario(asked, "/scenario"),
             TaskKind::Study(study) => {
@@ -156,7 +156,7 @@ impl Prepared {
     ///
     /// # Errors
     /// Every fault of the scenario.
-    pub fn from_scenario(scenario: Value, prefix: &str) -> Result<Self, Faults> {
+    pub fn from_scenario(scenario: Value, prefix: &str) -> Valid<Self> {
         Ok(Self::of_run(scenario::prepare(scenario, prefix)?))
     }
 

@@ -3,7 +3,7 @@
 use deserr::{Deserr, ValuePointerRef};
 use fretwork_engine::case::{Case, Method};
 use fretwork_engine::outcome::{Accuracy, History, Loops, OutcomeEvent, Profiles, QUANTITIES};
-use fretwork_engine::request::fault::Faults;
+use fretwork_engine::request::fault::{Faults, Valid};
 use fretwork_engine::request::fields::Given;
 use fretwork_engine::scenario::{self, Scenario, Warning};
 use serde::Serialize;
@@ -78,7 +78,7 @@ impl Evaluation {
         Ok(Self { body_bytes: text.len(), ..evaluation })
     }
 
-    fn read(mut body: Value) -> Result<Self, Faults> {
+    fn read(mut body: Value) -> Valid<Self> {
         let scenario = body.get_mut("scenario").map(Value::take);
         let envelope = typed::<Envelope>(body);
         // The faults of the envelope say that the member `scenario` is missing.
@@ -178,7 +178,7 @@ struct Envelope {
 }
 
 impl Envelope {
-    fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
+    fn validate(self, location: ValuePointerRef<'_>) -> Valid<Self> {
         let names = self.outputs.0.as_ref().map_or(0, |outputs| outputs.0.len());
         let parts = self.parts.0.as_ref().map_or(0, |parts| parts.0.len());
         if names + parts == 0 {
@@ -189,7 +189,7 @@ impl Envelope {
     }
 
     /// The outputs of the scenario with the requested names, and the requested parts.
-    fn resolve(self, scenario: &Value) -> Result<(Vec<Output>, Vec<EvaluationPart>), Faults> {
+    fn resolve(self, scenario: &Value) -> Valid<(Vec<Output>, Vec<EvaluationPart>)> {
         let names = self.outputs.0.map_or_else(Vec::new, |outputs| outputs.0);
         let outputs =
             OutputName::all_among(names, scenario).map_err(|faults| faults.below("/outputs"))?;

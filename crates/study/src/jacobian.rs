@@ -6,7 +6,7 @@
 use std::sync::Arc;
 use std::{iter, mem, vec};
 
-use fretwork_engine::request::fault::Faults;
+use fretwork_engine::request::fault::Valid;
 use fretwork_engine::request::quantity::Dimension;
 
 use super::model::{Model, PointValues};
@@ -61,7 +61,7 @@ impl Jacobian {
     ///
     /// # Errors
     /// The scenario of the point has faults.
-    pub fn new(model: &Arc<Model>, point: &[f64], members: Vec<usize>) -> Result<Self, Faults> {
+    pub fn new(model: &Arc<Model>, point: &[f64], members: Vec<usize>) -> Valid<Self> {
         let run = model.run(point)?;
         Ok(Self {
             model: Arc::clone(model),

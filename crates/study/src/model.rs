@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 
 use deserr::Deserr;
-use fretwork_engine::request::fault::Faults;
+use fretwork_engine::request::fault::{Faults, Valid};
 use fretwork_engine::request::fields::Given;
 use fretwork_engine::scenario;
 use serde_json::Value;
@@ -54,7 +54,7 @@ impl Model {
     ///
     /// # Errors
     /// All faults, with pointers relative to this object.
-    pub fn read(config: Value) -> Result<Self, Faults> {
+    pub fn read(config: Value) -> Valid<Self> {
         let config: Config = typed(config)?;
         let parameters =
             config.parameters.0.map_or_else(|| vec!["/friction".to_owned()], |it| it.0);
@@ -67,11 +67,7 @@ impl Model {
     ///
     /// # Errors
     /// All faults, with pointers such as `/scenario/friction`, `/parameters/0` and `/outputs/0`.
-    pub fn new(
-        mut base: Value,
-        parameters: &[String],
-        outputs: Vec<OutputName>,
-    ) -> Result<Self, Faults> {
+    pub fn new(mut base: Value, parameters: &[String], outputs: Vec<OutputName>) -> Valid<Self> {
         let mut faults = Faults::default();
         for (list, length, example) in [
             ("parameters", parameters.len(), "/friction"),
@@ -126,7 +122,7 @@ impl Model {
     ///
     /// # Errors
     /// The scenario of this point has faults. Their pointers are relative to the scenario.
-    pub fn run(&self, point: &[f64]) -> Result<Run, Faults> {
+    pub fn run(&self, point: &[f64]) -> Valid<Run> {
         Ok(self.0.run(self.0.prepare(point)?))
     }
 

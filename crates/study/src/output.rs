@@ -13,12 +13,12 @@
 use std::str::FromStr;
 use std::sync::LazyLock;
 
-use deserr::{Deserr, IntoValue, Value, ValuePointerRef};
+use deserr::{Deserr, IntoValue, Value};
 use fretwork_engine::case::Case;
 use fretwork_engine::outcome::{
     self, ContactScales, EVENTS, History, LimitState, Outcome, Preview, SectionMember, Unworn,
 };
-use fretwork_engine::request::fault::{Faults, unknown};
+use fretwork_engine::request::fault::{Faults, Pointer, Valid, unknown};
 use fretwork_engine::request::instants::{Cycles, Measure};
 use fretwork_engine::request::quantity::{self, Dimension};
 use fretwork_engine::solver::events::EventKind;
@@ -156,10 +156,7 @@ impl OutputName {
     ///
     /// # Errors
     /// The faults of the names, with pointers such as `/0`.
-    pub fn all_among(
-        names: Vec<Self>,
-        scenario: &serde_json::Value,
-    ) -> Result<Vec<Output>, Faults> {
+    pub fn all_among(names: Vec<Self>, scenario: &serde_json::Value) -> Valid<Vec<Output>> {
         let cycles = scenario.get("cycles").cloned().unwrap_or_default();
         let Ok(cycles) = typed::<Cycles>(cycles) else { return Ok(Vec::new()) };
         Faults::list(names.into_iter().map(|name| name.among(&cycles)))
@@ -195,10 +192,7 @@ impl FromStr for OutputName {
 }
 
 impl Deserr<Faults> for OutputName {
-    fn deserialize_from_value<V: IntoValue>(
-        value: Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
+    fn deserialize_from_value<V: IntoValue>(value: Value<V>, location: Pointer<'_>) -> Valid<Self> {
         let text: String = Deserr::<Faults>::deserialize_from_value(value, location)?;
         text.parse().map_err(|detail: String| Faults::at(location, detail))
     }
@@ -352,7 +346,7 @@ mod tests {
         }
         let cycles = Cycles::deserialize_from_value(
             scenario["cycles"].clone().into_value(),
-            ValuePointerRef::Origin,
+            Pointer::Origin,
         );
         let (scenario, case, _) = scenario::prepare(scenario, "").unwrap();
         let outcome = Simulation::new(case.clone(), scenario.warnings(&case)).run();

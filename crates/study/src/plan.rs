@@ -6,7 +6,7 @@
 use std::fmt;
 
 use fretwork_engine::numeric::twelve_digits;
-use fretwork_engine::request::fault::Faults;
+use fretwork_engine::request::fault::Valid;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
@@ -40,7 +40,7 @@ pub struct Kind {
     pub offers: &'static [Offer],
     /// Reads a study. All faults have pointers relative to the study.
     #[serde(skip)]
-    pub(crate) read: fn(Value) -> Result<Read, Faults>,
+    pub(crate) read: fn(Value) -> Valid<Read>,
 }
 
 impl PartialEq for Kind {

@@ -1,7 +1,7 @@
 //! A scenario, the numbers in it that a study varies, and the outputs that the study takes from each result.
 
 use fretwork_engine::case::{Case, Method};
-use fretwork_engine::request::fault::{Fault, Faults};
+use fretwork_engine::request::fault::{Fault, Faults, Valid};
 use fretwork_engine::scenario;
 use serde_json::{Map, Value};
 
@@ -159,7 +159,7 @@ impl Problem {
     ///
     /// # Errors
     /// The scenario of this point has faults. Their pointers are relative to the scenario.
-    pub(super) fn prepare(&self, values: &[f64]) -> Result<Case, Faults> {
+    pub(super) fn prepare(&self, values: &[f64]) -> Valid<Case> {
         let mut scenario = self.base.clone();
         for (member, value) in self.members.iter().zip(values) {
             member.put(&mut scenario, *value);
@@ -193,7 +193,7 @@ pub(super) fn varied_and_outputs(
     scenario: &Value,
     vary: &[Value],
     outputs: Value,
-) -> Result<(Vec<Varied>, Vec<Output>), Faults> {
+) -> Valid<(Vec<Varied>, Vec<Output>)> {
     let mut faults = Faults::default();
     faults.keep("", scenario::prepare(scenario.clone(), "/scenario"));
     let varied = faults.keep("/vary", vary::list(vary, scenario)).unwrap_or_default();
@@ -206,7 +206,7 @@ pub(super) fn varied_and_outputs(
 /// # Errors
 /// `names` is not a list of names, or the scenario does not have these outputs. If `cycles` of the scenario has faults,
 /// the list is empty: the check of the scenario reports them.
-pub fn outputs_of(names: Value, scenario: &Value) -> Result<Vec<Output>, Faults> {
+pub fn outputs_of(names: Value, scenario: &Value) -> Valid<Vec<Output>> {
     let Distinct(names) = typed::<Distinct<OutputName, MAX_OUTPUTS>>(names)?;
     if names.is_empty() {
         return Err(Faults::one("", "must list at least one output, such as \"wear_volume\""));

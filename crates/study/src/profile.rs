@@ -2,7 +2,7 @@
 
 use deserr::Deserr;
 use fretwork_engine::outcome::{Outcome, Profiles};
-use fretwork_engine::request::fault::Faults;
+use fretwork_engine::request::fault::{Faults, Valid};
 use fretwork_engine::request::fields::Given;
 use fretwork_engine::request::quantity::Dimension;
 use serde_json::Value;
@@ -70,7 +70,7 @@ impl CommonProfiles {
     ///
     /// # Errors
     /// All faults, with pointers relative to `profiles`.
-    pub fn read(profiles: Value) -> Result<Self, Faults> {
+    pub fn read(profiles: Value) -> Valid<Self> {
         let ProfileBody { radius, fields } = typed(profiles)?;
         let radii = vary::list_or_range(radius, Dimension::Length)
             .map_err(|faults| faults.below("/radius"))?;

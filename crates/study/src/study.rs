@@ -3,7 +3,7 @@
 use std::mem;
 use std::ops::Range;
 
-use fretwork_engine::request::fault::Faults;
+use fretwork_engine::request::fault::{Faults, Valid};
 use fretwork_engine::request::quantity::{self, Dimension};
 use serde::Serialize;
 use serde_json::{Map, Number, Value, json};
@@ -97,7 +97,7 @@ impl Study {
     ///
     /// # Errors
     /// All faults, with pointers relative to the study.
-    pub fn read(kind: &'static Kind, mut typed: Value) -> Result<Self, Faults> {
+    pub fn read(kind: &'static Kind, mut typed: Value) -> Valid<Self> {
         totals::of_study(&mut typed, kind.axes)?;
         let Read { complete, problem, plan } = (kind.read)(typed).map_err(Faults::capped)?;
         if plan.points() as u64 > MAX_POINTS {

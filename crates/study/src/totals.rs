@@ -5,7 +5,7 @@
 //! length becomes its total before a study or a model is read.
 
 use fretwork_engine::numeric::twelve_digits;
-use fretwork_engine::request::fault::Faults;
+use fretwork_engine::request::fault::{Faults, Valid};
 use fretwork_engine::request::quantity::{self, Dimension};
 use serde_json::Value;
 
@@ -15,7 +15,7 @@ const LENGTH: &str = "/profile/length";
 ///
 /// # Errors
 /// The study varies the length, too.
-pub fn of_study(study: &mut Value, axes: &[(&str, &str)]) -> Result<(), Faults> {
+pub fn of_study(study: &mut Value, axes: &[(&str, &str)]) -> Valid<()> {
     let Some((length, mut changed)) = study.get_mut("scenario").and_then(of_scenario) else {
         return Ok(());
     };
@@ -51,14 +51,14 @@ pub fn of_study(study: &mut Value, axes: &[(&str, &str)]) -> Result<(), Faults> 
 ///
 /// # Errors
 /// The model varies the length, too.
-pub fn of_model(scenario: &mut Value, parameters: &[String]) -> Result<(), Faults> {
+pub fn of_model(scenario: &mut Value, parameters: &[String]) -> Valid<()> {
     let changed = of_scenario(scenario).and_then(|(_, changed)| changed);
     let varies = parameters.iter().position(|pointer| pointer == LENGTH);
     may_vary(varies.map(|place| format!("/parameters/{place}")), changed)
 }
 
 /// Checks that the length does not vary, at this place, beside a number that is given per length.
-fn may_vary(place: Option<String>, changed: Option<String>) -> Result<(), Faults> {
+fn may_vary(place: Option<String>, changed: Option<String>) -> Valid<()> {
     let (Some(place), Some(changed)) = (place, changed) else { return Ok(()) };
     let detail = format!(
         "cannot vary, because `{changed}` is given per length, and its total would stay the same. Enter the total of \
@@ -142,7 +142,7 @@ mod tests {
         })
     }
 
-    fn study(kind: &str, members: &Value, scenario: Value) -> Result<Study, Faults> {
+    fn study(kind: &str, members: &Value, scenario: Value) -> Valid<Study> {
         let mut study = members.clone();
         study["scenario"] = scenario;
         Study::read(Kind::named(kind).unwrap(), study)

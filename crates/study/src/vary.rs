@@ -4,7 +4,7 @@
 use std::collections::HashSet;
 
 use deserr::Deserr;
-use fretwork_engine::request::fault::{Fault, Faults};
+use fretwork_engine::request::fault::{Fault, Faults, Valid};
 use fretwork_engine::request::fields::Given;
 use fretwork_engine::request::quantity::Dimension;
 use serde_json::Value;
@@ -93,7 +93,7 @@ pub enum Spacing {
 ///
 /// # Errors
 /// The faults of all entries, with pointers such as `/0/from`.
-pub fn list(entries: &[Value], scenario: &Value) -> Result<Vec<Varied>, Faults> {
+pub fn list(entries: &[Value], scenario: &Value) -> Valid<Vec<Varied>> {
     if entries.is_empty() || entries.len() > MAX_MEMBERS {
         let detail =
             format!("must list 1 to {MAX_MEMBERS} numbers of the scenario, not {}", entries.len());
@@ -163,7 +163,7 @@ impl Varied {
     ///
     /// # Errors
     /// The faults of the entry, with pointers relative to it.
-    pub fn read(entry: Value, member: Result<Member, String>) -> Result<Self, Faults> {
+    pub fn read(entry: Value, member: Result<Member, String>) -> Valid<Self> {
         let entry: Entry = typed(entry)?;
         let member = member.map_err(|detail| Faults::one("/pointer", detail))?;
         let values = entry.values(&member)?;
@@ -172,7 +172,7 @@ impl Varied {
 }
 
 impl Entry {
-    fn values(self, member: &Member) -> Result<Values, Faults> {
+    fn values(self, member: &Member) -> Valid<Values> {
         let is_range = self.from.0.is_some() || self.to.0.is_some();
         let given = [self.values.0.is_some(), is_range, self.distribution.0.is_some()];
         if given.into_iter().filter(|given| *given).count() > 1 {
@@ -213,7 +213,7 @@ impl Entry {
 ///
 /// # Errors
 /// It is not a number, or has another unit.
-pub fn end_of(name: &str, value: &Value, member: &Member) -> Result<f64, Faults> {
+pub fn end_of(name: &str, value: &Value, member: &Member) -> Valid<f64> {
     member.read(value).map_err(|detail| Faults::one(&format!("/{name}"), detail))
 }
 
@@ -221,7 +221,7 @@ pub fn end_of(name: &str, value: &Value, member: &Member) -> Result<f64, Faults>
 ///
 /// # Errors
 /// All faults, with pointers such as `/0` or `/from`.
-pub fn list_or_range(given: Value, dimension: Dimension) -> Result<Vec<f64>, Faults> {
+pub fn list_or_range(given: Value, dimension: Dimension) -> Valid<Vec<f64>> {
     let member = Member { pointer: String::new(), dimension, value: 0.0 };
     if let Value::Array(list) = given {
         return list_of(&list, &member);
@@ -236,7 +236,7 @@ pub fn list_or_range(given: Value, dimension: Dimension) -> Result<Vec<f64>, Fau
 ///
 /// # Errors
 /// The fault at `/from` or `/to`.
-fn range(from: f64, to: f64, count: usize, spacing: Spacing) -> Result<Vec<f64>, Faults> {
+fn range(from: f64, to: f64, count: usize, spacing: Spacing) -> Valid<Vec<f64>> {
     let wrong = |member: &str, detail: &str| Err(Faults::one(&format!("/{member}"), detail));
     for (member, end) in [("from", from), ("to", to)] {
         if !end.is_finite() {
@@ -265,7 +265,7 @@ fn range(from: f64, to: f64, count: usize, spacing: Spacing) -> Result<Vec<f64>,
         .collect())
 }
 
-fn list_of(list: &[Value], member: &Member) -> Result<Vec<f64>, Faults> {
+fn list_of(list: &[Value], member: &Member) -> Valid<Vec<f64>> {
     if list.is_empty() || list.len() as u64 > MAX_VALUES {
         let detail = format!("must list 1 to {MAX_VALUES} values, not {}", list.len());
         return Err(Faults::one("", detail));
@@ -296,7 +296,7 @@ const NAMES: &str = "uniform, log_uniform, normal, lognormal, triangular";
 ///
 /// # Errors
 /// All faults, with pointers such as `/normal/mean`.
-pub fn distribution_of(value: &Value, member: &Member) -> Result<Distribution, Faults> {
+pub fn distribution_of(value: &Value, member: &Member) -> Valid<Distribution> {
     let one = value.as_object().filter(|members| members.len() == 1);
     let pair = one.and_then(|members| members.iter().next());
     let Some((name, Some(given))) = pair.map(|(name, inner)| (name, inner.as_object())) else {

@@ -14,7 +14,7 @@ use crate::http::app::App;
 use crate::http::problem::{Complaint, Problem, Result, kinds};
 use crate::http::wire::{FRESH_JSON, Query, Segment, read_key, schemas};
 use crate::service::Unable;
-use fretwork_engine::request::fault::Faults;
+use fretwork_engine::request::fault::{Faults, Valid};
 use fretwork_job::{ENGINE, Key, TaskKind};
 use fretwork_json as json;
 use fretwork_study::{Entry, Jacobian, Member, Model, OutputName};
@@ -102,7 +102,7 @@ impl WantedEntries {
     }
 
     /// The model of a canonical scenario, and the search for all its derivatives.
-    fn start(self, scenario: Value) -> Result<(Arc<Model>, Jacobian), Faults> {
+    fn start(self, scenario: Value) -> Valid<(Arc<Model>, Jacobian)> {
         let parameters = self.parameters.unwrap_or_else(|| {
             let mut all = Member::outside_lists(&scenario);
             // The settings of the method are no physical quantities, except ξ.

@@ -16,7 +16,7 @@ use crate::http::transport::body::Body;
 use crate::http::wire::NoQuery;
 use crate::http::wire::schemas;
 use fretwork_engine::outcome::QUANTITIES;
-use fretwork_engine::request::fault::Faults;
+use fretwork_engine::request::fault::{Faults, Valid};
 use fretwork_engine::request::fields::Given;
 use fretwork_engine::scenario;
 use fretwork_job::{Canonical, ENGINE, Key, Outline, Prepared, TaskKind};
@@ -222,7 +222,7 @@ enum Requested {
 
 /// Parses both sides and collects all faults. The second side is `None` if the client wants a comparison with the
 /// nearest result.
-fn asked(body: DiffBody) -> Result<(Requested, Option<Requested>), Faults> {
+fn asked(body: DiffBody) -> Valid<(Requested, Option<Requested>)> {
     let key = |text: &str, pointer: &str| match text.parse() {
         Ok(key) => Ok(Requested::Key(key)),
         Err(bad) => Err(Faults::one(pointer, format!("must be the key of a result: {bad}"))),

@@ -13,7 +13,7 @@ use crate::http::app::App;
 use crate::http::problem::{Problem, Result, kinds};
 use crate::http::transport::body::Body;
 use crate::http::wire::{Fresh, NoQuery, Segment, instant, schemas};
-use fretwork_engine::request::fault::Faults;
+use fretwork_engine::request::fault::{Faults, Valid};
 use fretwork_job::clock::now;
 use fretwork_json::Whole;
 use fretwork_store::{AccessKey as Stored, Actor, NewKey, Role};
@@ -117,7 +117,7 @@ pub struct KeyBody {
 }
 
 impl KeyBody {
-    fn checked(self) -> Result<NewKey, Faults> {
+    fn checked(self) -> Valid<NewKey> {
         let mut faults = Faults::default();
         if !is_owner_name(&self.name) {
             faults.add("/name", format!("must have {KEY_NAMES}"));

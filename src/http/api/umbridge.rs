@@ -31,7 +31,7 @@ use crate::http::shares::Turn;
 use crate::http::transport::body::{AnyBody, Counted};
 use crate::http::wire::FRESH_JSON;
 use crate::service::Unable;
-use fretwork_engine::request::fault::Faults;
+use fretwork_engine::request::fault::{Faults, Valid};
 use fretwork_job::Key;
 use fretwork_json::{self as json, BadBody};
 use fretwork_study::{Jacobian, Likelihood, LikelihoodCall, Model, Output};
@@ -220,7 +220,7 @@ impl Called {
     async fn prepare<T: Send + 'static>(
         &self,
         model: &Arc<Model>,
-        prepare: impl Fn(&Arc<Model>) -> Result<T, Faults> + Send + 'static,
+        prepare: impl Fn(&Arc<Model>) -> Valid<T> + Send + 'static,
     ) -> Result<T> {
         let prepared = if model.bytes() <= SMALL {
             prepare(model)

@@ -23,7 +23,7 @@ use crate::contact::geometry::Geometry;
 use crate::contact::row::UnwornSums;
 use crate::contact::unworn::Regime;
 use crate::numeric::integrate_beyond;
-use crate::request::fault::Faults;
+use crate::request::fault::Valid;
 use crate::scenario::{Scenario, Warning};
 pub use crate::solver::events::EVENTS;
 use crate::solver::events::EventKind;
@@ -423,7 +423,7 @@ impl Scenario {
     ///
     /// # Errors
     /// The same fault as for [`Scenario::case`].
-    pub fn preview(&self) -> Result<Preview, Faults> {
+    pub fn preview(&self) -> Valid<Preview> {
         self.case().map(|case| Preview::of(&case))
     }
 }

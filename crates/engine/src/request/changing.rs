@@ -7,10 +7,10 @@
 use std::cmp::Ordering;
 use std::marker::PhantomData;
 
-use deserr::{Deserr, IntoValue, Map, Value, ValuePointerRef};
+use deserr::{Deserr, IntoValue, Map, Value};
 use serde::Serialize;
 
-use super::fault::{Faults, pointer};
+use super::fault::{Faults, Pointer, Valid, pointer};
 use super::fields::{BlockCycles, DissipatedEnergy, Instant, List, NumberOrText, Rounded, within};
 use super::quantity::Dimension;
 use crate::numeric::twelve_digits;
@@ -109,10 +109,7 @@ impl Changing {
 pub struct Course<T>(pub Changing, PhantomData<T>);
 
 impl<T: Deserr<Faults> + Into<f64>> Deserr<Faults> for Course<T> {
-    fn deserialize_from_value<V: IntoValue>(
-        value: Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
+    fn deserialize_from_value<V: IntoValue>(value: Value<V>, location: Pointer<'_>) -> Valid<Self> {
         let given = GivenChanging::<T>::deserialize_from_value(value, location)?;
         let course = given.resolve(location, |value, _| Ok(value.into()))?;
         Ok(Self(course, PhantomData))
@@ -145,16 +142,13 @@ pub(super) struct GivenTable<T> {
     values: List<T, 2, MAX_CHANGES>,
 }
 
-fn without_abscissa(field: &str, location: ValuePointerRef<'_>) -> Faults {
+fn without_abscissa(field: &str, location: Pointer<'_>) -> Faults {
     let detail = "is missing. Enter \"cycles\" or \"dissipated_energy\"";
     Faults::at(location.push_key(field), detail)
 }
 
 impl<T: Deserr<Faults>> Deserr<Faults> for GivenChanging<T> {
-    fn deserialize_from_value<V: IntoValue>(
-        value: Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
+    fn deserialize_from_value<V: IntoValue>(value: Value<V>, location: Pointer<'_>) -> Valid<Self> {
         let mut map = match value {
             Value::Map(map) => map,
             Value::Sequence(_) => {
@@ -182,10 +176,10 @@ impl<T> GivenChanging<T> {
     /// Reads all values with `read`, which gets each value and its location.
     pub(super) fn resolve(
         self,
-        location: ValuePointerRef<'_>,
-        read: impl Fn(T, ValuePointerRef<'_>) -> Result<f64, Faults>,
-    ) -> Result<Changing, Faults> {
-        let read = |value: T, here: ValuePointerRef<'_>| read(value, here).map(twelve_digits);
+        location: Pointer<'_>,
+        read: impl Fn(T, Pointer<'_>) -> Valid<f64>,
+    ) -> Valid<Changing> {
+        let read = |value: T, here: Pointer<'_>| read(value, here).map(twelve_digits);
         match self {
             Self::Constant(value) => read(value, location).map(Changing::Constant),
             Self::RunIn(RunIn { cycles, from, to }) => {
@@ -229,7 +223,7 @@ impl<T> GivenChanging<T> {
 
 /// Checks that abscissae ascend. An abscissa may stand twice, but not if it is 0: the value before the step would have
 /// no cycles.
-fn ascending(at: &[f64], location: ValuePointerRef<'_>, faults: &mut Faults) {
+fn ascending(at: &[f64], location: Pointer<'_>, faults: &mut Faults) {
     for (row, pair) in at.windows(2).enumerate() {
         let detail = match pair[0].total_cmp(&pair[1]) {
             Ordering::Greater => format!(

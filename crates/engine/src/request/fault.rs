@@ -13,6 +13,12 @@ use serde::Serialize;
 /// Maximum number of listed faults. The other faults are only counted.
 const MAX_FAULTS: usize = 100;
 
+/// The place of a value in a request.
+pub type Pointer<'a> = ValuePointerRef<'a>;
+
+/// A value without faults, or its faults.
+pub type Valid<T> = Result<T, Faults>;
+
 /// One fault of a request.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Fault {
@@ -34,7 +40,7 @@ impl Faults {
     }
 
     /// One fault at a location.
-    pub fn at(location: ValuePointerRef<'_>, detail: impl Into<String>) -> Self {
+    pub fn at(location: Pointer<'_>, detail: impl Into<String>) -> Self {
         Self(vec![Fault { pointer: pointer(location), detail: detail.into() }])
     }
 
@@ -101,11 +107,7 @@ impl From<String> for Faults {
 }
 
 impl MergeWithError<Faults> for Faults {
-    fn merge(
-        earlier: Option<Self>,
-        later: Faults,
-        _: ValuePointerRef<'_>,
-    ) -> ControlFlow<Self, Self> {
+    fn merge(earlier: Option<Self>, later: Faults, _: Pointer<'_>) -> ControlFlow<Self, Self> {
         let mut all = earlier.unwrap_or(Self(Vec::new()));
         all.0.extend(later.0);
         if all.0.len() > MAX_FAULTS {
@@ -119,7 +121,7 @@ impl DeserializeError for Faults {
     fn error<V: IntoValue>(
         earlier: Option<Self>,
         error: ErrorKind<'_, V>,
-        location: ValuePointerRef<'_>,
+        location: Pointer<'_>,
     ) -> ControlFlow<Self, Self> {
         let fault = match error {
             ErrorKind::IncorrectValueKind { actual, accepted } => {
@@ -154,13 +156,13 @@ impl DeserializeError for Faults {
 pub(crate) fn wrong_kind<V: IntoValue>(
     actual: Value<V>,
     accepted: &[ValueKind],
-    location: ValuePointerRef<'_>,
+    location: Pointer<'_>,
 ) -> Faults {
     let error = ErrorKind::IncorrectValueKind { actual, accepted };
     take_cf_content(Faults::error(None, error, location))
 }
 
-pub(crate) fn pointer(location: ValuePointerRef<'_>) -> String {
+pub(crate) fn pointer(location: Pointer<'_>) -> String {
     match location {
         ValuePointerRef::Origin => String::new(),
         ValuePointerRef::Key { key, prev } => {

@@ -3,10 +3,10 @@
 use std::marker::PhantomData;
 use std::ops::RangeInclusive;
 
-use deserr::{Deserr, IntoValue, Sequence, Value, ValueKind, ValuePointerRef};
+use deserr::{Deserr, IntoValue, Sequence, Value, ValueKind};
 use serde::Serialize;
 
-use super::fault::{Faults, wrong_kind};
+use super::fault::{Faults, Pointer, Valid, wrong_kind};
 use super::quantity::{self, Dimension};
 use crate::numeric::twelve_digits;
 
@@ -40,10 +40,7 @@ impl<T> Default for Given<T> {
 }
 
 impl<T: Deserr<Faults>> Deserr<Faults> for Given<T> {
-    fn deserialize_from_value<V: IntoValue>(
-        value: Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
+    fn deserialize_from_value<V: IntoValue>(value: Value<V>, location: Pointer<'_>) -> Valid<Self> {
         T::deserialize_from_value(value, location).map(|value| Self(Some(value)))
     }
 }
@@ -51,9 +48,9 @@ impl<T: Deserr<Faults>> Deserr<Faults> for Given<T> {
 /// Reads a JSON number.
 pub(super) fn number<V: IntoValue>(
     value: Value<V>,
-    location: ValuePointerRef<'_>,
+    location: Pointer<'_>,
     accepted: &[ValueKind],
-) -> Result<f64, Faults> {
+) -> Valid<f64> {
     match value {
         Value::Integer(n) => Ok(n as f64),
         Value::NegativeInteger(n) => Ok(n as f64),
@@ -73,8 +70,8 @@ pub(super) fn within(
     x: f64,
     (low, high): (f64, f64),
     unit: &str,
-    location: ValuePointerRef<'_>,
-) -> Result<f64, Faults> {
+    location: Pointer<'_>,
+) -> Valid<f64> {
     if (low..=high).contains(&x) {
         return Ok(x);
     }
@@ -150,8 +147,8 @@ macro_rules! quantities {
         impl Deserr<Faults> for $name {
             fn deserialize_from_value<V: IntoValue>(
                 value: Value<V>,
-                location: ValuePointerRef<'_>,
-            ) -> Result<Self, Faults> {
+                location: Pointer<'_>,
+            ) -> Valid<Self> {
                 let dimension = Dimension::$dimension;
                 let x = if dimension == Dimension::Number {
                     number(value, location, &[ValueKind::Float])?
@@ -219,10 +216,7 @@ quantities! {
 pub struct Rounded<T>(pub f64, PhantomData<T>);
 
 impl<T: Deserr<Faults> + Into<f64>> Deserr<Faults> for Rounded<T> {
-    fn deserialize_from_value<V: IntoValue>(
-        value: Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
+    fn deserialize_from_value<V: IntoValue>(value: Value<V>, location: Pointer<'_>) -> Valid<Self> {
         let quantity = T::deserialize_from_value(value, location)?;
         Ok(Self(twelve_digits(quantity.into()), PhantomData))
     }
@@ -241,10 +235,7 @@ pub trait PerLength: RangedQuantity {
 pub struct Total<T>(pub f64, #[serde(skip)] bool, #[serde(skip)] PhantomData<T>);
 
 impl<T: PerLength> Deserr<Faults> for Total<T> {
-    fn deserialize_from_value<V: IntoValue>(
-        value: Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
+    fn deserialize_from_value<V: IntoValue>(value: Value<V>, location: Pointer<'_>) -> Valid<Self> {
         let x = match NumberOrText::deserialize_from_value(value, location)? {
             NumberOrText::Number(x) => x,
             NumberOrText::Text(text) => match quantity::parse(&text, T::DIMENSION) {
@@ -268,7 +259,7 @@ impl<T: PerLength> Deserr<Faults> for Total<T> {
 
 impl<T: PerLength> Total<T> {
     /// Multiplies a quantity per length by the length of the contact. A round contact has no length.
-    pub(super) fn multiply(&mut self, length: Option<f64>) -> Result<(), Faults> {
+    pub(super) fn multiply(&mut self, length: Option<f64>) -> Valid<()> {
         let Self(x, per_length @ true, _) = self else { return Ok(()) };
         let what = T::DIMENSION.name();
         let Some(length) = length else {
@@ -304,10 +295,7 @@ pub enum NumberOrText {
 }
 
 impl Deserr<Faults> for NumberOrText {
-    fn deserialize_from_value<V: IntoValue>(
-        value: Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
+    fn deserialize_from_value<V: IntoValue>(value: Value<V>, location: Pointer<'_>) -> Valid<Self> {
         match value {
             Value::String(text) => Ok(Self::Text(text)),
             other => {
@@ -319,11 +307,7 @@ impl Deserr<Faults> for NumberOrText {
 
 impl NumberOrText {
     /// The quantity in SI.
-    pub(super) fn read(
-        &self,
-        dimension: Dimension,
-        location: ValuePointerRef<'_>,
-    ) -> Result<f64, Faults> {
+    pub(super) fn read(&self, dimension: Dimension, location: Pointer<'_>) -> Valid<f64> {
         match self {
             Self::Number(x) => Ok(*x),
             Self::Text(text) => {
@@ -344,10 +328,7 @@ pub enum GivenXi {
 }
 
 impl Deserr<Faults> for GivenXi {
-    fn deserialize_from_value<V: IntoValue>(
-        value: Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
+    fn deserialize_from_value<V: IntoValue>(value: Value<V>, location: Pointer<'_>) -> Valid<Self> {
         match NumberOrText::deserialize_from_value(value, location)? {
             NumberOrText::Text(text) if text == "auto" => Ok(Self::Auto),
             NumberOrText::Text(text) => {
@@ -366,10 +347,7 @@ impl Deserr<Faults> for GivenXi {
 pub struct Count<const LOW: u16, const HIGH: u16>(pub u16);
 
 impl<const LOW: u16, const HIGH: u16> Deserr<Faults> for Count<LOW, HIGH> {
-    fn deserialize_from_value<V: IntoValue>(
-        value: Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
+    fn deserialize_from_value<V: IntoValue>(value: Value<V>, location: Pointer<'_>) -> Valid<Self> {
         let x = number(value, location, &[ValueKind::Integer])?;
         if x.fract() == 0.0 && (f64::from(LOW)..=f64::from(HIGH)).contains(&x) {
             Ok(Self(x as u16))
@@ -386,10 +364,10 @@ pub type PointCount = Count<{ POINTS_RANGE.0 }, { POINTS_RANGE.1 }>;
 /// Reads a list with a number of items in this range.
 pub(super) fn list<T: Deserr<Faults>, V: IntoValue>(
     value: Value<V>,
-    location: ValuePointerRef<'_>,
+    location: Pointer<'_>,
     lengths: RangeInclusive<usize>,
     items: &str,
-) -> Result<Vec<T>, Faults> {
+) -> Valid<Vec<T>> {
     if let Value::Sequence(list) = &value
         && !lengths.contains(&list.len())
     {
@@ -403,7 +381,7 @@ pub(super) fn list<T: Deserr<Faults>, V: IntoValue>(
 /// Reads a list with exactly two items.
 pub(super) fn pair<T: Deserr<Faults>, V: IntoValue>(
     value: Value<V>,
-    location: ValuePointerRef<'_>,
+    location: Pointer<'_>,
     items: &str,
 ) -> Result<[T; 2], Faults> {
     if let Value::Sequence(list) = &value
@@ -421,10 +399,7 @@ pub(super) fn pair<T: Deserr<Faults>, V: IntoValue>(
 pub struct Bodies<T>(pub [T; 2]);
 
 impl<T: Deserr<Faults>> Deserr<Faults> for Bodies<T> {
-    fn deserialize_from_value<V: IntoValue>(
-        value: Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
+    fn deserialize_from_value<V: IntoValue>(value: Value<V>, location: Pointer<'_>) -> Valid<Self> {
         pair(value, location, "bodies").map(Self)
     }
 }
@@ -443,10 +418,7 @@ impl<T, const LEAST: usize, const MOST: usize> List<T, LEAST, MOST> {
 impl<T: Deserr<Faults>, const LEAST: usize, const MOST: usize> Deserr<Faults>
     for List<T, LEAST, MOST>
 {
-    fn deserialize_from_value<V: IntoValue>(
-        value: Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
+    fn deserialize_from_value<V: IntoValue>(value: Value<V>, location: Pointer<'_>) -> Valid<Self> {
         list(value, location, LEAST..=MOST, "items").map(Self)
     }
 }
@@ -459,7 +431,7 @@ pub(crate) fn derived(
     what: &str,
     unit: &str,
     pointer: &str,
-) -> Result<(), Faults> {
+) -> Valid<()> {
     if (low..=high).contains(&x) {
         return Ok(());
     }

@@ -1,9 +1,9 @@
 //! The load and the motion of a request.
 
-use deserr::{Deserr, ValuePointerRef};
+use deserr::Deserr;
 use serde::Serialize;
 
-use super::fault::{Faults, pointer};
+use super::fault::{Faults, Pointer, Valid, pointer};
 use super::fields::{
     BlockCycles, BlockForce, Force, Given, Length, List, Position, Rounded, StickRatio, Stiffness,
     Stroke, TangentialForce, Total,
@@ -40,7 +40,7 @@ pub struct Load {
 }
 
 impl Load {
-    fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
+    fn validate(self, location: Pointer<'_>) -> Valid<Self> {
         let here = location.push_key("normal_force");
         match (self.normal_force.0, self.indentation_depth.0) {
             (Some(_), Some(_)) => {
@@ -55,7 +55,7 @@ impl Load {
 
     /// Checks the load of a contact with this length, and makes totals of forces per length. A round contact has no
     /// length.
-    pub(super) fn fit(&mut self, length: Option<f64>) -> Result<(), Faults> {
+    pub(super) fn fit(&mut self, length: Option<f64>) -> Valid<()> {
         const INSTEAD: &str = "The depth of a line contact depends on the size of the bodies. Enter \
                                `normal_force`, such as \"18.5 N/mm\"";
         let mut faults = Faults::default();
@@ -112,7 +112,7 @@ pub struct BlockInput {
 }
 
 impl BlockInput {
-    fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
+    fn validate(self, location: Pointer<'_>) -> Valid<Self> {
         let mut names = self.given().into_iter().flatten().map(|(name, _)| name);
         let (member, detail) = match (names.next(), names.next()) {
             (None, _) => (
@@ -163,7 +163,7 @@ impl Blocks {
         Self(given.0)
     }
 
-    fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
+    fn validate(self, location: Pointer<'_>) -> Valid<Self> {
         let first = self.0[0];
         let mut faults = Faults::default();
         let others = self.0.iter().enumerate().filter(|(_, it)| it.member() != first.member());
@@ -252,7 +252,7 @@ pub struct Motion {
 
 impl Motion {
     /// Checks what does not depend on the geometry of the contact.
-    fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
+    fn validate(self, location: Pointer<'_>) -> Valid<Self> {
         const WAYS: &str = "one of `amplitude`, `loop_aperture`, `stick_ratio`, `tangential_force`, `blocks`, `reversals` \
                             and, for a line contact, `sliding_amplitude`";
         let given = [
@@ -325,7 +325,7 @@ impl Motion {
 
     /// Checks the motion of a contact with this length, and makes totals of quantities per length. A round contact has
     /// no length.
-    pub(super) fn fit(&mut self, length: Option<f64>) -> Result<(), Faults> {
+    pub(super) fn fit(&mut self, length: Option<f64>) -> Valid<()> {
         let mut faults = Faults::default();
         self.tangential_force.multiply(length, "/tangential_force", &mut faults);
         self.rig_stiffness.multiply(length, "/rig_stiffness", &mut faults);

@@ -2,10 +2,10 @@
 
 use std::marker::PhantomData;
 
-use deserr::{Deserr, IntoValue, Map, Value, ValueKind, ValuePointerRef};
+use deserr::{Deserr, IntoValue, Map, Value, ValueKind};
 use serde::Serialize;
 
-use super::fault::{Faults, pointer, unknown, wrong_kind};
+use super::fault::{Faults, Pointer, Valid, pointer, unknown, wrong_kind};
 use super::fields::{Exponent, Given, Height, Length, Position, Rounded, SlopeAngle, list, pair};
 use crate::numeric::twelve_digits;
 
@@ -80,14 +80,14 @@ impl Profile {
 }
 
 /// The fault of a line contact without a length.
-fn without_length(field: &str, location: ValuePointerRef<'_>) -> Faults {
+fn without_length(field: &str, location: Pointer<'_>) -> Faults {
     let detail =
         "is missing. Enter the length of the line contact, across the motion, such as \"10 mm\"";
     Faults::at(location.push_key(field), detail)
 }
 
 /// The fault of an unknown member of a shape that has only one geometry.
-fn unknown_of_shape(key: &str, accepted: &[&str], location: ValuePointerRef<'_>) -> Faults {
+fn unknown_of_shape(key: &str, accepted: &[&str], location: Pointer<'_>) -> Faults {
     let is_line = accepted.contains(&"length");
     let detail = match key {
         "geometry" => format!(
@@ -108,8 +108,8 @@ fn unknown_of_shape(key: &str, accepted: &[&str], location: ValuePointerRef<'_>)
 fn check_length(
     geometry: Geometry,
     length: Given<Rounded<Length>>,
-    location: ValuePointerRef<'_>,
-) -> Result<(), Faults> {
+    location: Pointer<'_>,
+) -> Valid<()> {
     match (geometry, length.0) {
         (Geometry::Line, None) => Err(without_length("length", location)),
         (Geometry::Round, Some(_)) => {
@@ -158,7 +158,7 @@ pub struct PowerProfile {
 }
 
 impl PowerProfile {
-    fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
+    fn validate(self, location: Pointer<'_>) -> Valid<Self> {
         check_length(self.geometry, self.length, location).map(|()| self)
     }
 }
@@ -220,10 +220,7 @@ impl Radii {
 }
 
 impl Deserr<Faults> for Radii {
-    fn deserialize_from_value<V: IntoValue>(
-        value: Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
+    fn deserialize_from_value<V: IntoValue>(value: Value<V>, location: Pointer<'_>) -> Valid<Self> {
         let radii = Self(pair(value, location, "radii")?);
         let [along, across] = radii.0;
         if along.0.max(across.0) <= MAX_RADII_RATIO * along.0.min(across.0) {
@@ -285,7 +282,7 @@ pub struct TableProfile {
 }
 
 impl TableProfile {
-    fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
+    fn validate(self, location: Pointer<'_>) -> Valid<Self> {
         let mut faults = Faults::default();
         let mut fault = |column: &str, row: usize, detail: &str| {
             let column = location.push_key(column);
@@ -355,10 +352,7 @@ impl TableProfile {
 pub struct MeasuredColumn<T>(pub Vec<f64>, PhantomData<T>);
 
 impl<T: Deserr<Faults> + Into<f64>> Deserr<Faults> for MeasuredColumn<T> {
-    fn deserialize_from_value<V: IntoValue>(
-        value: Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
+    fn deserialize_from_value<V: IntoValue>(value: Value<V>, location: Pointer<'_>) -> Valid<Self> {
         let rows: Vec<Rounded<T>> = list(value, location, 2..=MAX_ROWS, "points")?;
         Ok(Self(rows.into_iter().map(|row| row.0).collect(), PhantomData))
     }
@@ -380,8 +374,8 @@ macro_rules! shapes {
         impl Deserr<Faults> for Profile {
             fn deserialize_from_value<V: IntoValue>(
                 value: Value<V>,
-                location: ValuePointerRef<'_>,
-            ) -> Result<Self, Faults> {
+                location: Pointer<'_>,
+            ) -> Valid<Self> {
                 let Value::Map(mut map) = value else {
                     return Err(wrong_kind(value, &[ValueKind::Map], location));
                 };

@@ -1,9 +1,9 @@
 //! The output cycles of a request, and the output cycles with profiles.
 
-use deserr::{Deserr, IntoValue, Map, Value, ValueKind, ValuePointerRef};
+use deserr::{Deserr, IntoValue, Map, Value, ValueKind};
 use serde::Serialize;
 
-use super::fault::{Faults, wrong_kind};
+use super::fault::{Faults, Pointer, Valid, wrong_kind};
 use super::fields::{self, Count, DissipatedEnergy, Instant, MAX_CYCLES, Rounded};
 use crate::numeric::twelve_digits;
 
@@ -39,10 +39,7 @@ impl Cycles {
 }
 
 impl Deserr<Faults> for Cycles {
-    fn deserialize_from_value<V: IntoValue>(
-        value: Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
+    fn deserialize_from_value<V: IntoValue>(value: Value<V>, location: Pointer<'_>) -> Valid<Self> {
         match value {
             Value::Map(mut map) if map.len() == 1 => {
                 if let Some(inner) = map.remove("normalized") {
@@ -69,8 +66,8 @@ impl Deserr<Faults> for Cycles {
 /// Reads a list of items, or a range of them.
 fn list<T: Deserr<Faults> + Into<f64>, V: IntoValue>(
     value: Value<V>,
-    location: ValuePointerRef<'_>,
-) -> Result<Vec<f64>, Faults> {
+    location: Pointer<'_>,
+) -> Valid<Vec<f64>> {
     match value {
         list @ Value::Sequence(_) => {
             let list: Vec<Rounded<T>> =
@@ -116,7 +113,7 @@ enum Spacing {
 }
 
 impl<T: Into<f64>> EvenInstants<T> {
-    fn instants(self, location: ValuePointerRef<'_>) -> Result<Vec<f64>, Faults> {
+    fn instants(self, location: Pointer<'_>) -> Valid<Vec<f64>> {
         let (from, to) = (self.from.into(), self.to.into());
         if self.spacing == Spacing::Log && from <= 0.0 {
             let detail = "must be greater than 0 for logarithmic spacing. Enter a larger number, or \
@@ -170,10 +167,7 @@ pub enum ProfilesWord {
 }
 
 impl Deserr<Faults> for ProfilesAt {
-    fn deserialize_from_value<V: IntoValue>(
-        value: Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
+    fn deserialize_from_value<V: IntoValue>(value: Value<V>, location: Pointer<'_>) -> Valid<Self> {
         match value {
             sequence @ Value::Sequence(_) => list::<Instant, V>(sequence, location).map(Self::At),
             word @ Value::String(_) => {

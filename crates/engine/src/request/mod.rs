@@ -19,7 +19,7 @@ use deserr::{Deserr, IntoValue as _, ValuePointerRef};
 use serde::Serialize;
 
 use changing::{Changing, Course};
-use fault::Faults;
+use fault::{Faults, Pointer, Valid};
 use fields::{
     Bodies, DissipatedEnergy, Friction, Given, GivenXi, Length, PointCount, PoissonRatio, Rounded,
     Stress, Tolerance, Volume,
@@ -81,7 +81,7 @@ pub struct Until {
 }
 
 impl Until {
-    fn validate(self, location: ValuePointerRef<'_>) -> Result<Self, Faults> {
+    fn validate(self, location: Pointer<'_>) -> Valid<Self> {
         const WAYS: &str = "`wear_depth`, `wear_volume` or `dissipated_energy`";
         let fault = |member, detail| Err(Faults::at(location.push_key(member), detail));
         let given = [
@@ -104,12 +104,12 @@ impl Request {
     ///
     /// # Errors
     /// All faults that show without contact mechanics.
-    pub fn read(document: serde_json::Value) -> Result<Self, Faults> {
+    pub fn read(document: serde_json::Value) -> Valid<Self> {
         Self::deserialize_from_value(document.into_value(), ValuePointerRef::Origin)
     }
 
     /// Checks members that depend on each other.
-    fn validate(mut self, _: ValuePointerRef<'_>) -> Result<Self, Faults> {
+    fn validate(mut self, _: Pointer<'_>) -> Valid<Self> {
         let mut faults = Faults::default();
         match (self.bodies.0.is_some(), self.moduli.0.is_some()) {
             (true, true) => faults.add("/moduli", "give either `bodies` or `moduli`, not both"),
@@ -201,7 +201,7 @@ pub struct Model {
 
 impl Model {
     /// Refuses the simplified rule and what belongs to it. `obstacle` says why.
-    fn check_exact(&self, obstacle: &str) -> Result<(), Faults> {
+    fn check_exact(&self, obstacle: &str) -> Valid<()> {
         let mut faults = Faults::default();
         for (member, is_given, remedy) in [
             (

@@ -1,10 +1,10 @@
 //! The wear coefficients of a request: one for both bodies together, or those of each body and its layers.
 
-use deserr::{Deserr, IntoValue, Value, ValuePointerRef};
+use deserr::{Deserr, IntoValue, Value};
 use serde::Serialize;
 
 use super::changing::{Changing, GivenChanging};
-use super::fault::Faults;
+use super::fault::{Faults, Pointer, Valid};
 use super::fields::{
     Bodies, EnergyWear, Given, Length, List, NumberOrText, Rounded, Share, Stress, WearCoefficient,
     within,
@@ -87,10 +87,7 @@ pub struct Layer {
 pub struct WearRate(pub f64);
 
 impl Deserr<Faults> for WearRate {
-    fn deserialize_from_value<V: IntoValue>(
-        value: Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
+    fn deserialize_from_value<V: IntoValue>(value: Value<V>, location: Pointer<'_>) -> Valid<Self> {
         if matches!(value, Value::Map(_)) {
             let detail = "cannot be a table or a run-in here. Enter a number, or a text such as \
                           \"2e-5 mm^3/(N m)\"";
@@ -127,10 +124,7 @@ struct GivenWear {
 }
 
 impl Deserr<Faults> for Wear {
-    fn deserialize_from_value<V: IntoValue>(
-        value: Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
+    fn deserialize_from_value<V: IntoValue>(value: Value<V>, location: Pointer<'_>) -> Valid<Self> {
         let mut given = GivenWear::deserialize_from_value(value, location)?;
         if let Some(Bodies(bodies)) = given.bodies.0.take() {
             return given.with_bodies(bodies, location);
@@ -142,7 +136,7 @@ impl Deserr<Faults> for Wear {
 
 impl GivenWear {
     /// The law of a request without `bodies`.
-    fn law(self, location: ValuePointerRef<'_>) -> Result<WearLaw, Faults> {
+    fn law(self, location: Pointer<'_>) -> Valid<WearLaw> {
         let here = location.push_key("coefficient");
         let dimension = match self.hardness.0 {
             Some(_) => Dimension::Number,
@@ -176,11 +170,7 @@ impl GivenWear {
     }
 
     /// The wear of a request with `bodies`. Bodies without layers are the same as `coefficient` with `share`.
-    fn with_bodies(
-        &self,
-        bodies: [WornBody; 2],
-        location: ValuePointerRef<'_>,
-    ) -> Result<Wear, Faults> {
+    fn with_bodies(&self, bodies: [WornBody; 2], location: Pointer<'_>) -> Valid<Wear> {
         let mut faults = Faults::default();
         let given = [
             self.coefficient.named("coefficient"),

@@ -26,7 +26,7 @@ use crate::contact::profile::{Shape, kappa};
 use crate::contact::table_shape::{PressedTable, Split, TableShape};
 use crate::contact::unworn::Contact;
 use crate::numeric::root;
-use crate::request::fault::Faults;
+use crate::request::fault::{Faults, Valid};
 use crate::request::indenter::{Profile, TableProfile};
 
 /// Maximum a₀/R of a sphere. Half-space theory is not valid for larger contacts.
@@ -139,7 +139,7 @@ struct SmoothTable {
 
 impl Form {
     /// The form of a profile, or the fault of a measured table.
-    fn of(profile: &Profile) -> Result<Self, Faults> {
+    fn of(profile: &Profile) -> Valid<Self> {
         Ok(match profile {
             Profile::Paraboloid(ball) => {
                 Self::Power { exponent: 2.0, height: ball.radius.0, at_radius: ball.radius.0 }
@@ -192,7 +192,7 @@ impl Form {
 
 impl Indenter {
     /// The canonical form of a profile, or the fault of a measured table.
-    pub(super) fn new(profile: &Profile) -> Result<Self, Faults> {
+    pub(super) fn new(profile: &Profile) -> Valid<Self> {
         Ok(Self { form: Form::of(profile)?, profile: profile.clone() })
     }
 
@@ -305,7 +305,7 @@ impl Indenter {
 }
 
 impl SmoothTable {
-    fn through(profile: &TableProfile) -> Result<Self, Faults> {
+    fn through(profile: &TableProfile) -> Valid<Self> {
         let (radius, height) = (&profile.radius.0, &profile.height.0);
         let shape = TableShape::through(radius, height, profile.geometry).map_err(|low| {
             let row = nearest_row(radius, low.radius);

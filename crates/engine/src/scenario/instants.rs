@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use crate::case::{EnergyOutputs, Outputs, Scales};
 use crate::numeric::twelve_digits;
-use crate::request::fault::Faults;
+use crate::request::fault::{Faults, Valid};
 use crate::request::fields::LAST_CYCLE;
 use crate::request::instants::{Cycles, Measure, ProfilesAt, ProfilesWord};
 
@@ -52,7 +52,7 @@ pub(super) fn canonical(
     cycles: &Cycles,
     profiles_at: Option<&ProfilesAt>,
     unit: f64,
-) -> Result<(CanonicalCycles, ProfilesAt), Faults> {
+) -> Valid<(CanonicalCycles, ProfilesAt)> {
     if cycles.measure != Measure::DissipatedEnergy {
         let (list, profiles_at) = numbers_and_profiles(cycles, profiles_at, unit)?;
         return Ok((CanonicalCycles::Cycles(list), profiles_at));
@@ -71,7 +71,7 @@ fn numbers_and_profiles(
     cycles: &Cycles,
     profiles_at: Option<&ProfilesAt>,
     unit: f64,
-) -> Result<(Vec<f64>, ProfilesAt), Faults> {
+) -> Valid<(Vec<f64>, ProfilesAt)> {
     let normalized = cycles.measure == Measure::Normalized;
     let convert = |n: f64| if normalized { twelve_digits(n * unit) } else { n };
     let given = &cycles.instants;

@@ -9,7 +9,7 @@
 use super::motion::{CanonicalMotion, Moves, merged};
 use super::pressed::{MIN_RING, ROUNDED, UnwornContact};
 use crate::numeric::twelve_digits;
-use crate::request::fault::Faults;
+use crate::request::fault::{Faults, Valid};
 use crate::request::held::{self, Blocks, Motion, Reference};
 
 /// A tangential force must be smaller than μF by more than this share of μF.
@@ -23,7 +23,7 @@ const LEAST_SLIDING: f64 = 20.0;
 const LEAST_COMPLIANCE: f64 = 0.1;
 
 /// Checks that the reference is outside of the contact, and that a loop is not stiffer than the contact.
-fn check_reference(reference: Reference, pressed: &UnwornContact) -> Result<(), Faults> {
+fn check_reference(reference: Reference, pressed: &UnwornContact) -> Valid<()> {
     let most = pressed.force / (LEAST_COMPLIANCE * pressed.depth);
     match reference {
         Reference::Distance { reference_distance: distance, .. }
@@ -51,7 +51,7 @@ fn check_reference(reference: Reference, pressed: &UnwornContact) -> Result<(), 
 
 /// Converts the motion of a request to canonical form.
 #[expect(clippy::expect_used, reason = "the request was validated")]
-pub(super) fn resolve(motion: &Motion, pressed: &UnwornContact) -> Result<CanonicalMotion, Faults> {
+pub(super) fn resolve(motion: &Motion, pressed: &UnwornContact) -> Valid<CanonicalMotion> {
     let reference = motion.reference();
     reference.map_or(Ok(()), |reference| check_reference(reference, pressed))?;
     let moves = if let Some(Blocks(blocks)) = &motion.blocks.0 {
@@ -84,7 +84,7 @@ pub(super) fn resolve(motion: &Motion, pressed: &UnwornContact) -> Result<Canoni
 }
 
 /// Checks that friction can carry the forces, and that the slip ring is wide enough.
-fn check(motion: &CanonicalMotion, pressed: &UnwornContact) -> Result<(), Faults> {
+fn check(motion: &CanonicalMotion, pressed: &UnwornContact) -> Valid<()> {
     let narrowest = ROUNDED * MIN_RING;
     let least = 1.0 - pressed.shape.image(1.0 - narrowest);
     for (pointer, moves) in parts(motion) {
@@ -131,7 +131,7 @@ fn parts(motion: &CanonicalMotion) -> Vec<(String, Moves)> {
 }
 
 /// The tangential force at a stick ratio.
-fn force_at(ratio: f64, pressed: &UnwornContact) -> Result<f64, Faults> {
+fn force_at(ratio: f64, pressed: &UnwornContact) -> Valid<f64> {
     let least = pressed.shape.image_inverse(LEAST_MARGIN);
     if ratio <= least {
         let detail = format!(

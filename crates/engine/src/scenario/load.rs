@@ -8,7 +8,7 @@ use super::indenter::{Indenter, depth_under, indent};
 use crate::contact::profile::Shape;
 use crate::numeric::twelve_digits;
 use crate::request::Request;
-use crate::request::fault::Faults;
+use crate::request::fault::Valid;
 use crate::request::fields::{Force, Length, derived};
 use crate::request::held::Normal;
 
@@ -42,7 +42,7 @@ pub(super) fn canonical_load(
     request: &Request,
     indenter: &Indenter,
     normal_modulus: f64,
-) -> Result<CanonicalLoad, Faults> {
+) -> Valid<CanonicalLoad> {
     let given = &request.load;
     let by_depth =
         |indentation_depth| CanonicalLoad::Depth { indentation_depth, held: Normal::Depth };
@@ -72,7 +72,7 @@ pub(super) fn press(
     indenter: &Indenter,
     load: &CanonicalLoad,
     normal_modulus: f64,
-) -> Result<(f64, f64, Shape), Faults> {
+) -> Valid<(f64, f64, Shape)> {
     if let (Some(length), CanonicalLoad::Force { normal_force, .. }) = (indenter.length(), load) {
         let per_length = normal_force / (normal_modulus * length);
         let depth = FRAC_2_PI * per_length;

@@ -44,7 +44,7 @@ use crate::contact::unworn::Contact;
 use crate::contact::yielding::Rubbing;
 use crate::numeric::twelve_digits;
 use crate::request::changing::{self, ChangeTable, Changing};
-use crate::request::fault::Faults;
+use crate::request::fault::{Faults, Valid};
 use crate::request::fields::{Given, GivenXi, LAST_CYCLE, Stress, WearCoefficient, Xi, derived};
 use crate::request::instants::{Measure, ProfilesAt};
 use crate::request::wear::{Wear, WearLaw, WornBody};
@@ -111,7 +111,7 @@ enum CanonicalWear {
 }
 
 impl CanonicalWear {
-    fn of(wear: &Wear, friction: &Changing) -> Result<Self, Faults> {
+    fn of(wear: &Wear, friction: &Changing) -> Valid<Self> {
         let given = match &wear.law {
             WearLaw::Layered(bodies) => return Ok(Self::Layered { bodies: bodies.clone() }),
             WearLaw::PerLoad(coefficient) => coefficient.clone(),
@@ -258,7 +258,7 @@ impl CanonicalModel {
 ///
 /// # Errors
 /// All faults. Each has a JSON pointer and says what to change.
-pub fn check(value: &Value, prefix: &str) -> Result<(Scenario, Vec<Warning>), Faults> {
+pub fn check(value: &Value, prefix: &str) -> Valid<(Scenario, Vec<Warning>)> {
     let (scenario, case, mut warnings) = prepare(value.clone(), prefix)?;
     warnings.extend(scenario.warnings(&case));
     Ok((scenario, warnings))
@@ -269,7 +269,7 @@ pub fn check(value: &Value, prefix: &str) -> Result<(Scenario, Vec<Warning>), Fa
 ///
 /// # Errors
 /// The same faults as for [`check`].
-pub fn prepare(value: Value, prefix: &str) -> Result<(Scenario, Case, Vec<Warning>), Faults> {
+pub fn prepare(value: Value, prefix: &str) -> Valid<(Scenario, Case, Vec<Warning>)> {
     work_done::note(&work_done::PARSES);
     let request = Request::read(value).map_err(|faults| faults.below(prefix))?;
     let resolved = Scenario::resolve(&request);
@@ -281,7 +281,7 @@ pub fn prepare(value: Value, prefix: &str) -> Result<(Scenario, Case, Vec<Warnin
 
 impl Scenario {
     /// Converts a request to canonical form, and presses the contact.
-    fn resolve(request: &Request) -> Result<(Self, UnwornContact), Faults> {
+    fn resolve(request: &Request) -> Valid<(Self, UnwornContact)> {
         let friction = request.friction.0.clone();
         let moduli = moduli(request)?;
         let wear = CanonicalWear::of(&request.wear, &friction)?;
@@ -317,12 +317,12 @@ impl Scenario {
     ///
     /// # Errors
     /// A fault if each number is valid but the combination has no solution.
-    pub fn case(&self) -> Result<Case, Faults> {
+    pub fn case(&self) -> Valid<Case> {
         self.case_of(UnwornContact::new(&self.profile, &self.load, self.moduli, &self.friction)?)
     }
 
     /// Builds the dimensionless problem from the contact that its indenter makes.
-    fn case_of(&self, contact: UnwornContact) -> Result<Case, Faults> {
+    fn case_of(&self, contact: UnwornContact) -> Valid<Case> {
         work_done::note(&work_done::CASES);
         let wear_coefficient = self.wear.first();
         let (control, amplitude, unit) = self.motion.control(&contact, wear_coefficient)?;
@@ -473,7 +473,7 @@ fn doubts_about_table(case: &Case) -> Vec<(&'static str, String)> {
 }
 
 /// The effective moduli E* and G*, by (6).
-fn moduli(request: &Request) -> Result<CanonicalModuli, Faults> {
+fn moduli(request: &Request) -> Valid<CanonicalModuli> {
     let (normal, tangential) = match (&request.moduli.0, &request.bodies.0) {
         (Some(moduli), _) => (moduli.normal.0, moduli.tangential.0.map_or(f64::NAN, |it| it.0)),
         (None, bodies) => {
@@ -507,7 +507,7 @@ fn canonical_cycles(
     request: &Request,
     motion: &CanonicalMotion,
     unit: f64,
-) -> Result<(CanonicalCycles, ProfilesAt), Faults> {
+) -> Valid<(CanonicalCycles, ProfilesAt)> {
     let normalized = request.cycles.measure == Measure::Normalized;
     if let Some(varying) = motion.varying().filter(|_| normalized) {
         let detail = format!(

@@ -25,7 +25,7 @@ use crate::contact::control::{Block, Control, Held};
 use crate::contact::record::DisplacementRecord;
 use crate::contact::reference::Series;
 use crate::numeric::twelve_digits;
-use crate::request::fault::Faults;
+use crate::request::fault::{Faults, Valid};
 use crate::request::held::{self, MotionHeld, Reference};
 
 /// The motion in canonical form.
@@ -89,7 +89,7 @@ impl CanonicalMotion {
         &self,
         pressed: &UnwornContact,
         wear_coefficient: f64,
-    ) -> Result<(Control, f64, f64), Faults> {
+    ) -> Valid<(Control, f64, f64)> {
         let block = |moves: &Moves, end: f64| {
             let (held, threshold) = self.held(moves, pressed)?;
             Ok(Block { held, threshold, end })
@@ -101,7 +101,7 @@ impl CanonicalMotion {
                     end += given.cycles.0;
                     block(&given.into(), end)
                 };
-                blocks.iter().map(next).collect::<Result<Vec<Block>, Faults>>()?
+                blocks.iter().map(next).collect::<Valid<Vec<Block>>>()?
             }
             moves => vec![block(moves, f64::INFINITY)?],
         };
@@ -115,11 +115,7 @@ impl CanonicalMotion {
     }
 
     /// What a part of this motion holds, and the threshold of the springs of the unworn contact.
-    pub(super) fn held(
-        &self,
-        moves: &Moves,
-        pressed: &UnwornContact,
-    ) -> Result<(Held, f64), Faults> {
+    pub(super) fn held(&self, moves: &Moves, pressed: &UnwornContact) -> Valid<(Held, f64)> {
         match moves {
             Moves::Blocks(blocks) => self.held(&(&blocks[0]).into(), pressed),
             Moves::Reversals(reversals) => {
@@ -218,7 +214,7 @@ pub(super) fn merged(given: &[held::BlockInput]) -> Vec<held::BlockInput> {
     blocks
 }
 
-pub(super) fn record_of(reversals: &[f64]) -> Result<DisplacementRecord, Faults> {
+pub(super) fn record_of(reversals: &[f64]) -> Valid<DisplacementRecord> {
     DisplacementRecord::new(reversals).ok_or_else(|| {
         Faults::one(
             "/motion/reversals",

@@ -10,7 +10,7 @@ use crate::contact::profile::Shape;
 use crate::contact::reference::{Series, at_aperture};
 use crate::numeric::{integrate, root};
 use crate::request::changing::Changing;
-use crate::request::fault::Faults;
+use crate::request::fault::{Faults, Valid};
 
 /// Minimum width of the slip ring, in a₀, if the stick edge can move.
 pub(super) const MIN_RING: f64 = 1e-4;
@@ -64,7 +64,7 @@ impl UnwornContact {
         load: &CanonicalLoad,
         moduli: CanonicalModuli,
         friction: &Changing,
-    ) -> Result<Self, Faults> {
+    ) -> Valid<Self> {
         let values = friction.values();
         let (friction, most_friction) = (values[0], values.iter().copied().fold(0.0, f64::max));
         let (depth, contact_radius, shape) = press(indenter, load, moduli.normal)?;
@@ -106,7 +106,7 @@ impl UnwornContact {
     }
 
     /// The held tangential force, and Δ or θ there.
-    pub(super) fn under_force(&self, tangential_force: f64) -> Result<(Held, f64), Faults> {
+    pub(super) fn under_force(&self, tangential_force: f64) -> Valid<(Held, f64)> {
         if self.length.is_some() {
             return Ok((Held::Threshold, tangential_force / (self.friction * self.force)));
         }
@@ -157,7 +157,7 @@ impl UnwornContact {
     }
 
     /// Returns the given tangential force, or a fault if friction cannot carry it.
-    pub(super) fn carried(&self, tangential_force: f64) -> Result<f64, Faults> {
+    pub(super) fn carried(&self, tangential_force: f64) -> Valid<f64> {
         let most = 2.0 * self.friction * self.force * self.shape.half_force();
         if tangential_force < most * (1.0 - 1e-9) {
             return Ok(tangential_force);

@@ -10,7 +10,7 @@ use super::motion::{CanonicalMotion, Moves, merged, record_of};
 use super::pressed::{MIN_RING, ROUNDED, UnwornContact};
 use crate::contact::control::Normal;
 use crate::numeric::twelve_digits;
-use crate::request::fault::Faults;
+use crate::request::fault::{Faults, Valid};
 use crate::request::fields::{Length, List};
 use crate::request::held::{Blocks, Motion, MotionHeld, Reference};
 
@@ -24,7 +24,7 @@ const STICK_DIGITS: f64 = 1e-3;
 const DIGITS: f64 = 11.0;
 
 /// Converts the motion of a request to canonical form.
-pub(super) fn resolve(motion: &Motion, pressed: &UnwornContact) -> Result<CanonicalMotion, Faults> {
+pub(super) fn resolve(motion: &Motion, pressed: &UnwornContact) -> Valid<CanonicalMotion> {
     if let Some(Blocks(blocks)) = &motion.blocks.0 {
         let moving = blocks.iter().enumerate().filter(|(_, block)| block.held() > 0.0);
         for (index, block) in moving {
@@ -78,7 +78,7 @@ fn resolve_rig(
     rig_stiffness: f64,
     (amplitude, pointer): (f64, &str),
     pressed: &UnwornContact,
-) -> Result<CanonicalMotion, Faults> {
+) -> Valid<CanonicalMotion> {
     // An amplitude in the request is the amplitude of the actuator. An amplitude that is computed from a force or a
     // stick ratio is the amplitude of the contact.
     let amplitude = twelve_digits(if let Some(actuator) = motion.amplitude.0 {
@@ -128,10 +128,7 @@ fn around_zero(reversals: Vec<f64>) -> Vec<f64> {
 /// The amplitude U of the contact, from the given amplitude, stick ratio or tangential force, and
 /// the pointer to this member.
 #[expect(clippy::expect_used, reason = "the request was validated")]
-fn contact_amplitude(
-    motion: &Motion,
-    pressed: &UnwornContact,
-) -> Result<(f64, &'static str), Faults> {
+fn contact_amplitude(motion: &Motion, pressed: &UnwornContact) -> Valid<(f64, &'static str)> {
     if let Some(ratio) = motion.stick_ratio.0 {
         let amplitude = pressed.slip * (1.0 - pressed.shape.image(ratio.0));
         let returned =
@@ -157,12 +154,7 @@ fn contact_amplitude(
 }
 
 /// Checks that the slip ring is wide enough. `stays` is true if the stick radius is constant.
-fn resolved(
-    amplitude: f64,
-    stays: bool,
-    pressed: &UnwornContact,
-    pointer: &str,
-) -> Result<f64, Faults> {
+fn resolved(amplitude: f64, stays: bool, pressed: &UnwornContact, pointer: &str) -> Valid<f64> {
     let (low, high) = Length::RANGE;
     if !(low..=high).contains(&amplitude) {
         let detail = format!(

@@ -29,7 +29,7 @@ mod single;
 
 use crate::case::{Case, Method};
 use crate::outcome::{History, Outcome};
-use crate::request::fault::Faults;
+use crate::request::fault::Valid;
 use crate::scenario::{Scenario, Warning};
 use comparing::Comparing;
 use single::SingleRun;
@@ -67,7 +67,7 @@ impl Simulation {
     ///
     /// # Errors
     /// The same fault as for [`Scenario::case`].
-    pub fn of(scenario: &Scenario) -> Result<Self, Faults> {
+    pub fn of(scenario: &Scenario) -> Valid<Self> {
         let case = scenario.case()?;
         let warnings = scenario.warnings(&case);
         Ok(Self::new(case, warnings))

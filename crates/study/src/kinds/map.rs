@@ -15,7 +15,7 @@ use std::sync::OnceLock;
 use deserr::Deserr;
 use fretwork_engine::case::Case;
 use fretwork_engine::outcome::Condition;
-use fretwork_engine::request::fault::Faults;
+use fretwork_engine::request::fault::{Faults, Valid};
 use fretwork_engine::request::fields::{Given, Length};
 use fretwork_engine::scenario;
 use serde_json::{Value, json};
@@ -114,7 +114,7 @@ struct Map {
 ///
 /// # Errors
 /// All faults, with pointers relative to the map.
-fn read(map: Value) -> Result<Read, Faults> {
+fn read(map: Value) -> Valid<Read> {
     let complete = small_members(&map);
     let MapBody { scenario, normal_force, amplitude, outputs, .. } = typed(map)?;
     let mut faults = Faults::default();
@@ -145,7 +145,7 @@ fn read(map: Value) -> Result<Read, Faults> {
 }
 
 /// Checks that a scenario has a normal force and an amplitude of the contact, which a map varies.
-fn plain(scenario: &Value) -> Result<(), Faults> {
+fn plain(scenario: &Value) -> Valid<()> {
     let mut faults = Faults::default();
     for (pointer, name) in MEMBERS.into_iter().zip(AXES) {
         let section = pointer.rsplit_once('/').map_or("", |(section, _)| section);
@@ -165,7 +165,7 @@ fn plain(scenario: &Value) -> Result<(), Faults> {
 }
 
 /// The number that an axis varies, and its values. Faults have pointers relative to the map.
-fn axis(place: usize, mut entry: Value, scenario: &Value) -> Result<(Member, Vec<f64>), Faults> {
+fn axis(place: usize, mut entry: Value, scenario: &Value) -> Valid<(Member, Vec<f64>)> {
     let wrong = |detail: &str| Err(Faults::one("", detail));
     let read = match entry.as_object_mut() {
         Some(members) if !members.contains_key("pointer") => {
@@ -359,7 +359,7 @@ mod tests {
     use crate::kinds::tests;
     use fretwork_json as json;
 
-    fn map(change: impl FnOnce(&mut Value)) -> Result<Arc<Study>, Faults> {
+    fn map(change: impl FnOnce(&mut Value)) -> Valid<Arc<Study>> {
         let mut map = json!({
             "scenario": {
                 "profile": {"shape": "paraboloid", "radius": "10 mm"},

@@ -24,7 +24,7 @@ mod tests {
     use std::iter;
     use std::sync::Arc;
 
-    use fretwork_engine::request::fault::Faults;
+    use fretwork_engine::request::fault::Valid;
     use serde_json::{Map, Value, json};
 
     use crate::member::Member;
@@ -102,7 +102,7 @@ mod tests {
         }
     }
 
-    fn read_thresholds(mut study: Value) -> Result<Read, Faults> {
+    fn read_thresholds(mut study: Value) -> Valid<Read> {
         let scenario = study["scenario"].take();
         let members = ["/motion/amplitude", "/friction"]
             .map(|pointer| Member::find(&scenario, pointer).unwrap());

@@ -1,7 +1,7 @@
 //! Sweeps: the outputs of a scenario for many values of some of its numbers.
 
 use deserr::Deserr;
-use fretwork_engine::request::fault::Faults;
+use fretwork_engine::request::fault::{Faults, Valid};
 use fretwork_engine::request::fields::Given;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -81,7 +81,7 @@ enum DesignName {
 ///
 /// # Errors
 /// All faults, with pointers relative to the sweep.
-fn read(sweep: Value) -> Result<Read, Faults> {
+fn read(sweep: Value) -> Valid<Read> {
     let mut complete = small_members(&sweep);
     let SweepBody { scenario, vary, design, samples, seed, outputs, profiles, .. } = typed(sweep)?;
     let profiles = profiles.0.map(CommonProfiles::read).transpose();
@@ -130,7 +130,7 @@ fn design_of(
     varied: Vec<Varied>,
     samples: Option<u64>,
     seed: u64,
-) -> Result<Design, Faults> {
+) -> Valid<Design> {
     let random = name.is_random();
     let (mut lists, mut distributions, mut faults) = (Vec::new(), Vec::new(), Faults::default());
     for (place, one) in varied.into_iter().enumerate() {
@@ -186,7 +186,7 @@ mod tests {
     use crate::kinds::tests;
     use fretwork_json as json;
 
-    fn sweep(change: impl FnOnce(&mut Value)) -> Result<Arc<Study>, Faults> {
+    fn sweep(change: impl FnOnce(&mut Value)) -> Valid<Arc<Study>> {
         let mut sweep = json!({
             "scenario": {
                 "profile": {"shape": "paraboloid", "radius": "10 mm"},

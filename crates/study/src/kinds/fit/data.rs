@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use deserr::Deserr;
 use fretwork_engine::numeric::twelve_digits;
-use fretwork_engine::request::fault::{Faults, unknown};
+use fretwork_engine::request::fault::{Faults, Valid, unknown};
 use fretwork_engine::request::fields::{Given, List};
 use serde_json::{Value, json};
 
@@ -56,7 +56,7 @@ fn test(
     place: usize,
     GivenTest { name, specimen, changes, data }: GivenTest,
     mut scenario: Value,
-) -> Result<(Test, Vec<Set>), Faults> {
+) -> Valid<(Test, Vec<Set>)> {
     let name = name.0.unwrap_or_else(|| (place + 1).to_string());
     if name.is_empty() || name.len() > MAX_NAME {
         return Err(Faults::one("/name", format!("must be a text of 1 to {MAX_NAME} bytes")));
@@ -88,11 +88,7 @@ fn test(
 }
 
 /// Reads a parameter of these tests, and its prior as a measured number.
-fn parameter(
-    place: usize,
-    mut given: Value,
-    tests: &[Test],
-) -> Result<(Parameter, Option<Set>), Faults> {
+fn parameter(place: usize, mut given: Value, tests: &[Test]) -> Valid<(Parameter, Option<Set>)> {
     let [only, start, prior] = ["for", "start", "prior"]
         .map(|name| given.as_object_mut().and_then(|members| members.shift_remove(name)));
     let only: Vec<String> = only.map_or(Ok(Vec::new()), typed).map_err(|it| it.below("/for"))?;
@@ -140,7 +136,7 @@ fn parameter(
 }
 
 /// Checks that there are enough measured numbers, and not too many.
-fn must_suffice(sets: &[Set], parameters: usize) -> Result<(), Faults> {
+fn must_suffice(sets: &[Set], parameters: usize) -> Valid<()> {
     let all: usize = sets.iter().map(|set| set.y.len()).sum();
     let measured = sets.iter().flat_map(|set| &set.y).flatten().count();
     let noise = has_unknown_noise(sets);
@@ -238,7 +234,7 @@ pub fn fit(
     tests: Vec<GivenTest>,
     (confidence, starts): (f64, u32),
     without: &[String],
-) -> Result<Fit, Faults> {
+) -> Valid<Fit> {
     if !scenario.is_object() {
         return Err(Faults::one("/scenario", "must be an object"));
     }

@@ -15,7 +15,7 @@ mod sets;
 mod told;
 
 use deserr::Deserr;
-use fretwork_engine::request::fault::Faults;
+use fretwork_engine::request::fault::{Faults, Valid};
 use fretwork_engine::request::fields::{Given, List};
 use serde_json::{Value, json};
 
@@ -86,7 +86,7 @@ enum Loss {
 ///
 /// # Errors
 /// All faults, with pointers relative to the fit.
-fn read(fit: Value) -> Result<Read, Faults> {
+fn read(fit: Value) -> Valid<Read> {
     let mut complete = small_members(&fit);
     let (problem, fit) = parsed(fit)?;
     complete.insert("confidence".to_owned(), json!(fit.confidence));
@@ -94,7 +94,7 @@ fn read(fit: Value) -> Result<Read, Faults> {
     Ok(Read::new(complete, problem, fit))
 }
 
-fn parsed(fit: Value) -> Result<(Problem, Fit), Faults> {
+fn parsed(fit: Value) -> Valid<(Problem, Fit)> {
     let FitBody { scenario, parameters, tests, confidence, starts, loss, without, .. } =
         typed(fit)?;
     let confidence = confidence.0.unwrap_or(CONFIDENCE);

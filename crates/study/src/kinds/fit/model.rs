@@ -1,7 +1,7 @@
 //! Parameters, sets of measured numbers, and the runs that predict these numbers.
 
 use fretwork_engine::numeric::twelve_digits;
-use fretwork_engine::request::fault::Faults;
+use fretwork_engine::request::fault::{Faults, Valid};
 use serde_json::{Value, json};
 
 use crate::member::Member;
@@ -193,11 +193,7 @@ impl Set {
     ///
     /// # Errors
     /// The scenario or a parameter is not valid.
-    pub fn add_runs(
-        &mut self,
-        mut scenario: Value,
-        own: &[(usize, &Parameter)],
-    ) -> Result<(), Faults> {
+    pub fn add_runs(&mut self, mut scenario: Value, own: &[(usize, &Parameter)]) -> Valid<()> {
         let (mut nodes, mut profiles, mut rescaled) = (self.x.clone(), None, None);
         nodes.sort_by(f64::total_cmp);
         nodes.dedup();

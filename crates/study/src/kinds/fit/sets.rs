@@ -3,7 +3,7 @@
 use deserr::Deserr;
 use fretwork_engine::numeric::twelve_digits;
 use fretwork_engine::outcome::{self, History};
-use fretwork_engine::request::fault::{Faults, unknown};
+use fretwork_engine::request::fault::{Faults, Valid, unknown};
 use fretwork_engine::request::fields::Given;
 use fretwork_engine::request::quantity::Dimension;
 use serde_json::{Map, Value, json};
@@ -98,7 +98,7 @@ enum Scale {
 impl Noise {
     /// Reads the kind of the noise and its share of the numbers into a set. Returns the standard deviations that do not depend
     /// on the numbers.
-    fn read_into(self, set: &mut Set, count: usize) -> Result<Vec<Value>, Faults> {
+    fn read_into(self, set: &mut Set, count: usize) -> Valid<Vec<Value>> {
         let wrong = |name: &str, detail: &str| Err(Faults::one(name, detail));
         let Self { sigma: Given(sigma), relative: Given(mut relative), kind } = self;
         let mut pointer = "/relative";
@@ -150,7 +150,7 @@ fn number(value: &Value, unit: &str) -> Result<Option<f64>, String> {
 }
 
 /// Reads a set of measured numbers.
-pub fn set(test: usize, given: &Value) -> Result<Set, Faults> {
+pub fn set(test: usize, given: &Value) -> Valid<Set> {
     let members = given.as_object().cloned().unwrap_or_default().into_iter();
     let (noise, own): (Map<_, _>, Map<_, _>) =
         members.partition(|(name, _)| NOISE.contains(&name.as_str()));
@@ -183,7 +183,7 @@ pub fn set(test: usize, given: &Value) -> Result<Set, Faults> {
 }
 
 /// Reads and checks the numbers of a set.
-fn with_numbers(mut set: Set, x: &[Value], y: &[Value], noise: Noise) -> Result<Set, Faults> {
+fn with_numbers(mut set: Set, x: &[Value], y: &[Value], noise: Noise) -> Valid<Set> {
     let (of_x, of_y, x_unit) = match set.over {
         "radius" => ("radius", "depth", "m"),
         "dissipated_energy" => ("x", "y", "J"),
@@ -251,7 +251,7 @@ fn with_numbers(mut set: Set, x: &[Value], y: &[Value], noise: Noise) -> Result<
 }
 
 /// The column of the history from which an output follows.
-fn column_of(output: &str) -> Result<&'static str, Faults> {
+fn column_of(output: &str) -> Valid<&'static str> {
     let name = if output == MASS_LOSS { "wear_volume" } else { output };
     let columns = History::MEMBERS.iter().map(|member| member.name);
     let columns: Vec<_> = columns.filter(|name| !STATED.contains(name)).collect();

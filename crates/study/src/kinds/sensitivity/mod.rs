@@ -13,7 +13,7 @@ mod findings;
 
 use deserr::Deserr;
 use fretwork_engine::case::{Case, Method as RunMethod};
-use fretwork_engine::request::fault::Faults;
+use fretwork_engine::request::fault::{Faults, Valid};
 use fretwork_engine::request::fields::Given;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -150,7 +150,7 @@ impl Neighbourhood {
 ///
 /// # Errors
 /// All faults, with pointers relative to the study.
-fn read(study: Value) -> Result<Read, Faults> {
+fn read(study: Value) -> Valid<Read> {
     let mut complete = small_members(&study);
     let SensitivityBody { scenario, vary, method, samples, seed, confidence, outputs, .. } =
         typed(study)?;
@@ -185,7 +185,7 @@ impl Sensitivity {
         samples: Option<usize>,
         seed: u64,
         confidence: f64,
-    ) -> Result<Self, Faults> {
+    ) -> Valid<Self> {
         let mut faults = Faults::default();
         let from = Faults::list(varied.into_iter().map(|one| one.values.drawn()));
         let from = faults.keep("/vary", from);
@@ -232,7 +232,7 @@ impl Sensitivity {
     }
 
     /// A study by the method `local`, at the values of the scenario.
-    fn local(varied: Vec<Varied>, samples: Option<usize>) -> Result<Self, Faults> {
+    fn local(varied: Vec<Varied>, samples: Option<usize>) -> Valid<Self> {
         let mut faults = Faults::default();
         if samples.is_some() {
             faults.add("/samples", "belongs to the methods sobol and morris. Remove it");
@@ -515,7 +515,7 @@ mod tests {
         assert_eq!(found["notes"], json!([]));
     }
 
-    fn study(change: impl FnOnce(&mut Value)) -> Result<Arc<Study>, Faults> {
+    fn study(change: impl FnOnce(&mut Value)) -> Valid<Arc<Study>> {
         let mut study = json!({
             "scenario": {
                 "profile": {"shape": "paraboloid", "radius": "10 mm"},
