@@ -15,7 +15,7 @@ use super::Moving;
 use super::lines::{Line, Lines, MAX_BODY, Maker, Next, Noted, Told, is_stdio};
 use crate::administration::Administration;
 use crate::database::{Command, Place};
-use crate::moving::imports::{self, Before, ImportedResult, NoteTaken};
+use crate::moving::imports::{self, Accepted, Before, NoteTaken};
 use crate::results::keep::Answered;
 use crate::results::library::{Note, Program};
 use fretwork_job::{Answer, Cost, Document, Key, Verified, clock, is_too_deep};
@@ -155,7 +155,7 @@ impl Importer {
     ///
     /// # Errors
     /// The database fails.
-    pub fn store(&mut self, Accepted(import): Accepted) -> Command<'_, (), Moving> {
+    pub fn store(&mut self, import: Accepted) -> Command<'_, (), Moving> {
         Box::pin(async move {
             let file = self.name.clone();
             let (key, size, verified) = (import.key, import.answer.size, import.verified);
@@ -223,10 +223,6 @@ pub struct UntrustedResult {
     note: Option<Note>,
 }
 
-/// A result that may be stored.
-#[derive(Debug)]
-pub struct Accepted(ImportedResult);
-
 impl UntrustedResult {
     /// Reads a line: the result and its digest.
     fn of_line(line: &Bytes) -> Result<(Self, [u8; 32]), String> {
@@ -280,17 +276,7 @@ impl UntrustedResult {
         let program = program.map(|it| Program { numerics: document.numerics, ..it });
         let answer = Answered::new(&Answer::new(body, document), cost);
         let task = document.asked.kind.stored(&document.asked.value);
-        Accepted(ImportedResult {
-            key,
-            answer,
-            task,
-            owner,
-            warnings,
-            program,
-            computed,
-            note,
-            verified,
-        })
+        Accepted { key, answer, task, owner, warnings, program, computed, note, verified }
     }
 }
 

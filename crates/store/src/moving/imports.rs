@@ -6,9 +6,9 @@ use crate::results::library::{Note, Program};
 use crate::{postgres, sqlite};
 use fretwork_job::{Key, Verified};
 
-/// A result of another server that passed all checks.
+/// A result of another server that passed all checks, so that it may be stored.
 #[derive(Debug)]
-pub(crate) struct ImportedResult {
+pub struct Accepted {
     pub(crate) key: Key,
     pub(crate) answer: Answered,
     /// The task in its stored form.
@@ -82,7 +82,7 @@ pub(crate) enum NoteTaken {
 /// Stores a result from the file with this name, if the database does not have it. Stores its note, unless the database
 /// already has a note of the result.
 pub(crate) async fn import(
-    (import, file): &(ImportedResult, String),
+    (import, file): &(Accepted, String),
     mut tx: Change<'_>,
 ) -> Result<(Before, NoteTaken)> {
     let (key, digest) = (&import.key, &import.answer.digest);
@@ -98,8 +98,8 @@ pub(crate) async fn import(
 }
 
 /// Inserts the result. Returns false if a server has stored the key in the meantime.
-async fn insert(import: &ImportedResult, file: &str, tx: &mut Change<'_>) -> Result<bool> {
-    let ImportedResult { key, task, owner, warnings, answer, .. } = import;
+async fn insert(import: &Accepted, file: &str, tx: &mut Change<'_>) -> Result<bool> {
+    let Accepted { key, task, owner, warnings, answer, .. } = import;
     let program = match &import.program {
         Some(program) => Some(program.id(tx).await?),
         None => None,

@@ -31,7 +31,8 @@ pub use backup::{Saved, backup, note_backup, restore};
 pub use check::{Checked, Repaired, check, repair};
 pub use damage::Damage;
 pub use export::{Exported, export};
-pub use import::{Accepted, Imported, Importer, UntrustedResult};
+pub use import::{Imported, Importer, UntrustedResult};
+pub use imports::Accepted;
 pub use lines::MAX_BODY;
 
 /// The version of the form of an export. Form 1 was a database of SQLite.
