@@ -43,10 +43,11 @@ pub use transport::server::listen;
 
 use crate::service::Service;
 use access::Gate;
+use access::caller::Caller;
 use access::needs::RouteNeeds;
 use app::App;
 use layers::with_layers;
-use problem::{Problem, kinds};
+use problem::{Problem, Result, kinds};
 use routes::Routes;
 use transport::admission::Admission;
 use transport::server;

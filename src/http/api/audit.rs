@@ -5,10 +5,9 @@ use axum::response::{IntoResponse as _, Response};
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use crate::http::app::App;
-use crate::http::problem::Result;
 use crate::http::wire::paging::{limit, next_page};
 use crate::http::wire::{Fresh, Query, instant, schemas};
+use crate::http::{App, Result};
 use fretwork_store::{Act, AuditEntry as Stored};
 
 /// Equal acts of one day (UTC).

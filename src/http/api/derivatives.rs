@@ -8,11 +8,10 @@ use serde_json::Value;
 use utoipa::ToSchema;
 
 use super::library::unknown;
-use crate::http::access::caller::Caller;
 use crate::http::api::parameters::ResultKey;
-use crate::http::app::App;
 use crate::http::problem::{Complaint, Problem, Result, kinds};
 use crate::http::wire::{FRESH_JSON, Query, Segment, read_key, schemas};
+use crate::http::{App, Caller};
 use crate::service::Unable;
 use fretwork_engine::request::fault::{Faults, Valid};
 use fretwork_job::{ENGINE, Key, TaskKind};

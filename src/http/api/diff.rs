@@ -9,12 +9,10 @@ use tokio::task;
 use utoipa::ToSchema;
 
 use super::library::read;
-use crate::http::access::caller::Caller;
-use crate::http::app::App;
-use crate::http::problem::{Problem, Result, kinds};
 use crate::http::transport::body::Body;
 use crate::http::wire::NoQuery;
 use crate::http::wire::schemas;
+use crate::http::{App, Caller, Problem, Result, kinds};
 use fretwork_engine::outcome::QUANTITIES;
 use fretwork_engine::request::fault::{Faults, Valid};
 use fretwork_engine::request::fields::Given;

@@ -8,13 +8,11 @@ use serde::Serialize;
 use tokio::task;
 
 use super::scenarios::{Checked, checked, parse};
-use crate::http::access::caller::Caller;
 use crate::http::api::documents;
-use crate::http::app::App;
-use crate::http::problem::{Problem, Result, kinds};
 use crate::http::shares::{Permit, SMALL};
 use crate::http::transport::body::Body;
 use crate::http::wire::{FRESH_JSON, NoQuery};
+use crate::http::{App, Caller, Problem, Result, kinds};
 use crate::service::{LARGEST_EVALUATION, LONGEST_EVALUATION, NotEvaluated};
 use fretwork_job::Prepared;
 use fretwork_json as json;

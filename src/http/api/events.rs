@@ -15,11 +15,9 @@ use tokio::time::sleep;
 
 use super::jobs::{JobAnswer, visible};
 use crate::http::access::Identity;
-use crate::http::access::caller::Caller;
 use crate::http::api::documents;
-use crate::http::app::App;
-use crate::http::problem::Result;
 use crate::http::wire::{NoQuery, Segment, instant};
+use crate::http::{App, Caller, Result};
 use fretwork_job::{Job, JobId, JobState};
 use fretwork_store::Changes;
 

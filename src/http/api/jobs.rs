@@ -17,14 +17,13 @@ use utoipa::ToSchema;
 
 use super::evaluate::fresh;
 use super::scenarios::parse;
-use crate::http::access::caller::Caller;
 use crate::http::api::documents;
 use crate::http::api::parameters::OfJobs;
-use crate::http::app::App;
 use crate::http::problem::{Complaint, Problem, Result, kinds};
 use crate::http::transport::body::Body;
 use crate::http::wire::include::Include;
 use crate::http::wire::{NoQuery, Query, Segment, schemas};
+use crate::http::{App, Caller};
 use fretwork_engine::outcome::{History, ResultUnits};
 use fretwork_job::{Job, JobId, JobState, Naming, Prepared, Task};
 use fretwork_store::{Canceled, Deleted, Filter};

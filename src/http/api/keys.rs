@@ -9,10 +9,9 @@ use utoipa::ToSchema;
 
 use super::library::read;
 use crate::http::access::caller::{Caller, is_owner_name};
-use crate::http::app::App;
-use crate::http::problem::{Problem, Result, kinds};
 use crate::http::transport::body::Body;
 use crate::http::wire::{Fresh, NoQuery, Segment, instant, schemas};
+use crate::http::{App, Problem, Result, kinds};
 use fretwork_engine::request::fault::{Faults, Valid};
 use fretwork_job::clock::now;
 use fretwork_json::Whole;

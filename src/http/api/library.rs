@@ -6,14 +6,12 @@ use serde::Serialize;
 use serde_json::{Value, json};
 use utoipa::ToSchema;
 
-use crate::http::access::caller::Caller;
 use crate::http::answer::stored::require;
 use crate::http::api::documents;
 use crate::http::api::parameters::ResultKey;
-use crate::http::app::App;
-use crate::http::problem::{Problem, Result, kinds};
 use crate::http::transport::body::Body;
 use crate::http::wire::{Fresh, NoQuery, Segment, instant, read_key};
+use crate::http::{App, Caller, Problem, Result, kinds};
 use fretwork_engine::request::fault::Faults;
 use fretwork_job::{Key, Verified, earlier};
 use fretwork_json::{read_body, typed};

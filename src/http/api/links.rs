@@ -6,14 +6,12 @@ use axum::http::StatusCode;
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use crate::http::access::caller::Caller;
 use crate::http::access::sign_on::SIGN_ON;
 use crate::http::access::signed_link;
 use crate::http::answer::stored::require;
 use crate::http::api::parameters::ResultKey;
-use crate::http::app::App;
-use crate::http::problem::{Problem, Result, kinds};
 use crate::http::wire::{Fresh, Query, Segment, read_key};
+use crate::http::{App, Caller, Problem, Result, kinds};
 
 /// Default lifetime of a link.
 const DEFAULT_LIFETIME: Duration = Duration::from_hours(7 * 24);

@@ -3,10 +3,8 @@
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use crate::http::access::caller::Caller;
-use crate::http::app::App;
-use crate::http::problem::Result;
 use crate::http::wire::{Fresh, NoQuery, schemas};
+use crate::http::{App, Caller, Result};
 
 /// The caller, with its limits and their use.
 #[derive(Debug, Serialize, ToSchema)]

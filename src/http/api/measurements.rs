@@ -4,13 +4,12 @@ use axum::response::Response;
 use tokio::task;
 
 use super::evaluate::fresh;
-use crate::http::access::caller::Caller;
 use crate::http::api::documents;
-use crate::http::app::App;
 use crate::http::problem::{Complaint, Problem, Result, kinds};
 use crate::http::transport::body::FileBody;
 use crate::http::wire::Query;
 use crate::http::wire::schemas::{self, Prepare as PrepareWord, Up as UpWord};
+use crate::http::{App, Caller};
 use fretwork_engine::request::fault::Faults;
 use fretwork_measured::{ENDS, Prepare, Up, Wanted, ends};
 

@@ -7,14 +7,12 @@ use tokio::task;
 
 use super::results::either;
 use crate::http::access::LINK_HOLDER;
-use crate::http::access::caller::Caller;
 use crate::http::answer::representation::refused;
 use crate::http::answer::stored::document;
 use crate::http::api::parameters::ResultKey;
-use crate::http::app::App;
 use crate::http::dashboard::report::{page, policy};
-use crate::http::problem::{Problem, Result, kinds};
 use crate::http::wire::{Query, Segment, instant, read_key, schemas};
+use crate::http::{App, Caller, Problem, Result, kinds};
 use fretwork_format::report::{About, MOST, ReportedResult, content};
 use fretwork_job::{JobId, Key};
 use fretwork_store::Filter;

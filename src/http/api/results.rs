@@ -9,16 +9,14 @@ use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
 use bytesize::ByteSize;
 
-use crate::http::access::caller::Caller;
 use crate::http::answer::representation::Representation;
 use crate::http::answer::stored::require;
 use crate::http::api::parameters::{
     AtCycles, AtPoints, Copied, Numbers, OfFigure, OfTable, ResultKey,
 };
-use crate::http::app::App;
-use crate::http::problem::{Problem, Result, kinds};
 use crate::http::wire::negotiation::choose_format;
 use crate::http::wire::{NoQuery, Query, Segment, read_key, schemas};
+use crate::http::{App, Caller, Problem, Result, kinds};
 use fretwork_format::{
     FigureOptions, Format, Part, QUANTITIES, Quantity, StudyFigure, StudyOptions, View,
 };

@@ -10,10 +10,9 @@ use tokio::task;
 use utoipa::ToSchema;
 
 use crate::http::api::documents;
-use crate::http::app::App;
-use crate::http::problem::{Problem, Result, kinds};
 use crate::http::transport::body::Body;
 use crate::http::wire::{FRESH_JSON, NoQuery, Segment};
+use crate::http::{App, Problem, Result, kinds};
 use fretwork_engine::outcome::Preview;
 use fretwork_engine::scenario::{SCHEMA, Scenario, Warning};
 use fretwork_job::{Canonical, Key, Prepared, Submission, Task};

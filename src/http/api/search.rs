@@ -12,10 +12,9 @@ use super::library::Note;
 use crate::http::access::caller::{Caller, ME};
 use crate::http::answer::listed;
 use crate::http::api::parameters::{Conditions, OfList, SearchTable};
-use crate::http::app::App;
-use crate::http::problem::Result;
 use crate::http::wire::paging::{ListView, next_page};
 use crate::http::wire::{Fresh, Query, instant};
+use crate::http::{App, Result};
 use fretwork_job::{JobId, Key, SCALARS, WORDS};
 use fretwork_store::{Listed, Search};
 

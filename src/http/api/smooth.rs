@@ -6,14 +6,12 @@ use serde_json::value::RawValue;
 use tokio::task;
 use utoipa::ToSchema;
 
-use crate::http::access::caller::Caller;
 use crate::http::answer::representation::refused;
 use crate::http::answer::stored::document;
 use crate::http::api::documents;
 use crate::http::api::parameters::ResultKey;
-use crate::http::app::App;
-use crate::http::problem::{Problem, Result};
 use crate::http::wire::{FRESH_JSON, NoQuery, Segment, read_key};
+use crate::http::{App, Caller, Problem, Result};
 use fretwork_format::report::smooth::{Denser, Histories};
 use fretwork_json as json;
 

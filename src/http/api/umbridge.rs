@@ -20,16 +20,15 @@ use serde::{Deserialize, Serialize};
 use serde_json::json;
 use serde_json::value::RawValue;
 
-use crate::http::access::caller::Caller;
 use crate::http::access::needs::Needs;
 use crate::http::answer::stored::{document, require};
-use crate::http::app::App;
 use crate::http::memory::models::AnyModel;
 use crate::http::problem::kinds::Kind;
 use crate::http::problem::{self, Problem, Result};
 use crate::http::shares::Turn;
 use crate::http::transport::body::{AnyBody, Counted};
 use crate::http::wire::FRESH_JSON;
+use crate::http::{App, Caller};
 use crate::service::Unable;
 use fretwork_engine::request::fault::{Faults, Valid};
 use fretwork_job::Key;

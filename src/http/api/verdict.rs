@@ -5,13 +5,11 @@ use serde::Serialize;
 use tokio::task;
 use utoipa::ToSchema;
 
-use crate::http::access::caller::Caller;
 use crate::http::answer::representation::refused;
 use crate::http::answer::stored::document;
 use crate::http::api::parameters::ResultKey;
-use crate::http::app::App;
-use crate::http::problem::{Problem, Result, kinds};
 use crate::http::wire::{Fresh, NoQuery, Segment, read_key};
+use crate::http::{App, Caller, Problem, Result, kinds};
 use fretwork_format::Verdict;
 
 /// Whether the law of a fit describes its data.

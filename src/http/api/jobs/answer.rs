@@ -9,16 +9,14 @@ use serde::Serialize;
 use serde_json::{Value, json};
 use utoipa::ToSchema;
 
-use crate::http::access::caller::Caller;
 use crate::http::answer::representation::Representation;
 use crate::http::answer::stored::stored;
 use crate::http::answer::text::Text;
 use crate::http::api::documents;
-use crate::http::app::App;
-use crate::http::problem::{Problem, Result, kinds};
 use crate::http::wire::coding::Coding;
 use crate::http::wire::include::{Include, NULL};
 use crate::http::wire::{instant, schemas};
+use crate::http::{App, Caller, Problem, Result, kinds};
 use fretwork_format::{Format, Part, View};
 use fretwork_job::{Failure, Job, JobId, JobState, Key, Origin, Recomputed};
 use fretwork_store::{self as store, Asked};

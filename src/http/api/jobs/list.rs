@@ -7,14 +7,12 @@ use serde_json::json;
 use utoipa::ToSchema;
 
 use super::JobAnswer;
-use crate::http::access::caller::Caller;
 use crate::http::answer::listed;
 use crate::http::api::parameters::{OfJobs, OfList};
 use crate::http::api::results::either;
-use crate::http::app::App;
-use crate::http::problem::Result;
 use crate::http::wire::paging::{ListView, next_page};
 use crate::http::wire::{Query, schemas};
+use crate::http::{App, Caller, Result};
 use fretwork_job::{Job, JobState};
 use fretwork_store::{Filter, Words};
 

@@ -8,14 +8,12 @@ use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse as _, Response};
 
 use super::answer::{JobAnswer, address, result_of, write};
-use crate::http::access::caller::Caller;
 use crate::http::answer::text::Text;
 use crate::http::api::scenarios::parse;
-use crate::http::app::App;
-use crate::http::problem::{Problem, Result, kinds};
 use crate::http::transport::body::Body;
 use crate::http::wire::include::{Include, NULL};
 use crate::http::wire::{Query, idempotency_key, says, schemas, urgency, wait};
+use crate::http::{App, Caller, Problem, Result, kinds};
 use crate::service::{Accepted, Refusal, Terms};
 use fretwork_job::{Job, JobState, Origin, Submission};
 use fretwork_store::Asked;
