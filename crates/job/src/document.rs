@@ -12,7 +12,7 @@ use fretwork_json::Members;
 
 /// A result without its large tables.
 #[derive(Debug)]
-pub struct Document {
+pub struct ResultDocument {
     /// The key of the result.
     pub key: String,
     /// The name of the engine that computed it.
@@ -59,7 +59,7 @@ const MAX_VALUES: usize = 500_000;
 /// Largest member, in bytes. It exceeds the 4 MiB of the largest request, because canonical numbers can be longer.
 const MAX_MEMBER: usize = 16_000_000;
 
-impl Document {
+impl ResultDocument {
     /// Reads a result.
     ///
     /// # Errors
@@ -183,7 +183,7 @@ mod tests {
                 "key": "", "engine": {"name": "fretwork", "numerics": 2}, "scenario": {}, "scales": {},
                 "unworn": {}, "regime": "gross_slip", "history": history,
             });
-            Document::read(document.to_string().as_bytes()).map(|document| document.summary)
+            ResultDocument::read(document.to_string().as_bytes()).map(|document| document.summary)
         };
         let sound = read(json!({"cycles": [0.0, 5.0], "wear_volume": [0.0, 1e-13]}));
         let expected = json!({"regime": "gross_slip", "cycles": 5.0, "wear_volume": 1e-13});

@@ -12,7 +12,7 @@ mod submission;
 mod task;
 
 pub use canonical::{Canonical, TaskKind, asked_in};
-pub use document::{BadDocument, Document};
+pub use document::{BadDocument, ResultDocument};
 pub use fretwork_json::{BadWord, words};
 pub use key::{BadKey, ENGINE, Engine, Key};
 pub use outline::{Outline, SCALARS, Scalar, WORDS, Word};

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use fretwork_engine::request::fault::{Fault, Faults};
 
 use super::{
-    BadDocument, BadWord, Canonical, Document, ENGINE, Key, Prepared, Step, Task, TaskKind,
+    BadDocument, BadWord, Canonical, ENGINE, Key, Prepared, ResultDocument, Step, Task, TaskKind,
 };
 use fretwork_json as json;
 use fretwork_study::{Claimed, Points, Study};
@@ -37,7 +37,7 @@ pub fn is_too_deep(json: &[u8]) -> bool {
 #[derive(Debug)]
 pub struct Received {
     /// The members of the result.
-    pub document: Document,
+    pub document: ResultDocument,
     work: Work,
 }
 
@@ -125,7 +125,7 @@ impl Received {
     pub fn read(key: &Key, body: &[u8]) -> Result<Self, Refused> {
         let text = str::from_utf8(body).ok().filter(|_| !is_too_deep(body));
         let text = text.ok_or(Refused::Form)?;
-        let document = Document::read(body)?;
+        let document = ResultDocument::read(body)?;
         let numerics = document.numerics;
         if numerics > ENGINE.numerics {
             return Err(Refused::Later(numerics));
@@ -232,7 +232,7 @@ impl Received {
 
 impl Work {
     /// The work that computes a result of this version of the engine again.
-    fn of(key: &Key, document: &Document, body: &str) -> Result<Self, Refused> {
+    fn of(key: &Key, document: &ResultDocument, body: &str) -> Result<Self, Refused> {
         let told = |Faults(faults): Faults| {
             let first = faults.into_iter().next();
             let told = first.map(|Fault { pointer, detail }| format!("{pointer}: {detail}"));

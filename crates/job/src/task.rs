@@ -16,7 +16,7 @@ use serde_json::Value;
 
 use super::canonical::StoredText;
 use super::document::{outline_of, summarize};
-use super::{Canonical, Document, ENGINE, Engine, Key, Outline, TaskKind};
+use super::{Canonical, ENGINE, Engine, Key, Outline, ResultDocument, TaskKind};
 use fretwork_json as json;
 use fretwork_study::{Points, Rows, Study};
 
@@ -78,7 +78,7 @@ impl Answer {
     }
 
     /// The answer whose JSON is `body`. `document` is the parsed body.
-    pub fn new(body: Bytes, document: &Document) -> Self {
+    pub fn new(body: Bytes, document: &ResultDocument) -> Self {
         Self {
             body,
             summary: document.summary.clone(),

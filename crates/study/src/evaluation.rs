@@ -1,9 +1,9 @@
 //! An evaluation: a run that is computed for some outputs. Its result is not stored.
 
-use deserr::{Deserr, ValuePointerRef};
+use deserr::Deserr;
 use fretwork_engine::case::{Case, Method};
 use fretwork_engine::outcome::{Accuracy, History, Loops, OutcomeEvent, Profiles, QUANTITIES};
-use fretwork_engine::request::fault::{Faults, Valid};
+use fretwork_engine::request::fault::{Faults, Pointer, Valid};
 use fretwork_engine::request::fields::Given;
 use fretwork_engine::scenario::{self, Scenario, Warning};
 use serde::Serialize;
@@ -178,7 +178,7 @@ struct Envelope {
 }
 
 impl Envelope {
-    fn validate(self, location: ValuePointerRef<'_>) -> Valid<Self> {
+    fn validate(self, location: Pointer<'_>) -> Valid<Self> {
         let names = self.outputs.0.as_ref().map_or(0, |outputs| outputs.0.len());
         let parts = self.parts.0.as_ref().map_or(0, |parts| parts.0.len());
         if names + parts == 0 {

@@ -27,7 +27,7 @@ use crate::results::keep::outlined;
 use crate::results::search::names;
 use crate::sqlite::open::{self, DATABASE};
 use crate::sqlite::schema;
-use fretwork_job::{Canonical, Document, ENGINE, Key, Outline, SCALARS, WORDS, clock};
+use fretwork_job::{Canonical, ENGINE, Key, Outline, ResultDocument, SCALARS, WORDS, clock};
 
 /// The findings of a check.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -104,7 +104,7 @@ pub fn repair(dir: &Path) -> Command<'_, Repaired, Moving> {
             let row = db.one(sql!("SELECT body FROM result_blob WHERE key = $1"; &key)).await?;
             let body = Body::stored(row.get("body")?).json();
             let Some((body, document)) =
-                body.ok().and_then(|body| Some((body.clone(), Document::read(&body).ok()?)))
+                body.ok().and_then(|body| Some((body.clone(), ResultDocument::read(&body).ok()?)))
             else {
                 continue;
             };
@@ -374,7 +374,7 @@ fn of_result(row: &SqliteRow) -> sqlx::Result<(Vec<(&'static str, String)>, bool
     if Sha256::digest(&body)[..] != *row.get::<&[u8]>("digest")? {
         wrong.push(("result", "digest contradicts the body".to_owned()));
     }
-    let document = Document::read(&body).ok();
+    let document = ResultDocument::read(&body).ok();
     // The server writes a missing outline at its next start.
     let compared = document.iter().filter(|_| is_real);
     wrong.extend(compared.flat_map(|document| of_document(row, document)));
@@ -386,7 +386,7 @@ async fn derive(
     db: &mut SqliteConnection,
     key: &[u8],
     body: &[u8],
-    document: &Document,
+    document: &ResultDocument,
 ) -> Result<()> {
     let [columns, values, _] = outlined(6);
     let derive = format!(
@@ -407,7 +407,7 @@ async fn derive(
 }
 
 /// Compares the summary and the outline, which lists and searches show, with the body of the result.
-fn of_document(row: &SqliteRow, document: &Document) -> Vec<(&'static str, String)> {
+fn of_document(row: &SqliteRow, document: &ResultDocument) -> Vec<(&'static str, String)> {
     let mut wrong = Vec::new();
     if !row.get("summary").is_ok_and(|found: Value| equal(&found, &document.summary)) {
         wrong.push(("result", "summary contradicts the body".to_owned()));

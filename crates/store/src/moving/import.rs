@@ -18,7 +18,7 @@ use crate::database::{Command, Place};
 use crate::moving::imports::{self, Accepted, Before, NoteTaken};
 use crate::results::keep::Answered;
 use crate::results::library::{Note, Program};
-use fretwork_job::{Answer, Cost, Document, Key, Verified, clock, is_too_deep};
+use fretwork_job::{Answer, Cost, Key, ResultDocument, Verified, clock, is_too_deep};
 
 /// The outcome of an import.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -271,7 +271,7 @@ impl UntrustedResult {
     }
 
     /// Accepts the result, whose parsed body is `document`. Compresses the body.
-    pub fn accept(self, document: &Document, verified: Verified) -> Accepted {
+    pub fn accept(self, document: &ResultDocument, verified: Verified) -> Accepted {
         let Self { key, body, cost, owner, computed, program, warnings, note } = self;
         let program = program.map(|it| Program { numerics: document.numerics, ..it });
         let answer = Answered::new(&Answer::new(body, document), cost);

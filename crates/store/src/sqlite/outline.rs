@@ -5,7 +5,7 @@ use sqlx::SqliteConnection;
 
 use crate::database::{Body, Columns, Connected, Error, Result, Statement, Tables, sql};
 use crate::results::keep::outlined;
-use fretwork_job::{Document, Key, Outline, TaskKind, asked_in};
+use fretwork_job::{Key, Outline, ResultDocument, TaskKind, asked_in};
 
 /// The statement that writes the outline of a stored result, and replaces an older outline. `which` is a condition that
 /// selects the result. The parameters for the words and numbers begin at `first`.
@@ -44,11 +44,11 @@ pub(super) async fn complete(db: &mut SqliteConnection) -> Result<()> {
 }
 
 /// Reads a stored result; `None` if it was evicted or is damaged.
-async fn document(db: &mut SqliteConnection, key: Key) -> Result<Option<Document>> {
+async fn document(db: &mut SqliteConnection, key: Key) -> Result<Option<ResultDocument>> {
     match db.row(sql!("SELECT body FROM result_blob WHERE key = $1"; key)).await {
         Ok(Some(row)) => {
             let body = Body::stored(row.get("body")?);
-            Ok(body.json().ok().and_then(|json| Document::read(&json).ok()))
+            Ok(body.json().ok().and_then(|json| ResultDocument::read(&json).ok()))
         }
         // The server must start even if a page is damaged.
         Ok(None) | Err(Error::Damaged(_)) => Ok(None),
