@@ -7,12 +7,12 @@ use serde_json::{Value, json};
 use utoipa::ToSchema;
 
 use crate::http::answer::stored::require;
-use crate::http::api::documents;
 use crate::http::api::parameters::ResultKey;
 use crate::http::transport::body::Body;
 use crate::http::wire::{Fresh, NoQuery, Segment, instant, read_key};
 use crate::http::{App, Caller, Problem, Result, kinds};
 use fretwork_engine::request::fault::Faults;
+use fretwork_engine::scenario::Warning;
 use fretwork_job::{Key, Verified, earlier};
 use fretwork_json::{read_body, typed};
 use fretwork_store::{self as store, Changed, Removed};
@@ -49,7 +49,7 @@ pub struct Provenance {
     computed: Computation,
     /// The warnings about the two bodies in the submission that computed it: a list of `{kind, detail}`. The
     /// result has the other warnings.
-    #[schema(value_type = Option<Vec<documents::Warning>>)]
+    #[schema(value_type = Option<Vec<Warning>>)]
     warnings: Option<Value>,
     /// The program that computed it.
     program: Option<Program>,
@@ -212,7 +212,7 @@ pub async fn provenance(app: App, key: Segment, _: NoQuery) -> Result<Fresh<Prov
 #[derive(Debug, Serialize, ToSchema)]
 pub struct SubmissionWarnings {
     /// A list of `{kind, detail}`; null if there is nothing to say, and the server does not know the submission.
-    #[schema(value_type = Option<Vec<documents::Warning>>)]
+    #[schema(value_type = Option<Vec<Warning>>)]
     warnings: Option<Value>,
 }
 

@@ -41,12 +41,12 @@ const NARROWEST_RING: f64 = 1e-6;
 pub(super) struct Indenter {
     profile: Profile,
     #[serde(skip)]
-    form: Form,
+    form: ProfileForm,
 }
 
 /// The properties of a profile that determine the unworn contact.
 #[derive(Debug, Clone, PartialEq)]
-enum Form {
+enum ProfileForm {
     /// g = height·(x/at_radius)ⁿ.
     Power {
         exponent: f64,
@@ -137,7 +137,7 @@ struct SmoothTable {
     shape: Arc<TableShape>,
 }
 
-impl Form {
+impl ProfileForm {
     /// The form of a profile, or the fault of a measured table.
     fn of(profile: &Profile) -> Valid<Self> {
         Ok(match profile {
@@ -193,7 +193,7 @@ impl Form {
 impl Indenter {
     /// The canonical form of a profile, or the fault of a measured table.
     pub(super) fn new(profile: &Profile) -> Valid<Self> {
-        Ok(Self { form: Form::of(profile)?, profile: profile.clone() })
+        Ok(Self { form: ProfileForm::of(profile)?, profile: profile.clone() })
     }
 
     /// The length of a line contact in m.
@@ -211,11 +211,11 @@ impl Indenter {
     /// The half-width and the shape of a line contact under a force per length, given as F/E* in m.
     pub(super) fn under_line_load(&self, load: f64) -> Option<(f64, Shape)> {
         match self.form {
-            Form::LinePower { exponent: n, height, at_half_width } => {
+            ProfileForm::LinePower { exponent: n, height, at_half_width } => {
                 let ratio = load / (line_load(n) * height);
                 Some((at_half_width * libm::pow(ratio, 1.0 / n), Shape::line_power(n)))
             }
-            Form::Punch { half_width: b, edge_radius } => {
+            ProfileForm::Punch { half_width: b, edge_radius } => {
                 let carried = |a: f64| {
                     let chord = ((a - b) * (a + b)).sqrt();
                     0.5 * (a * a * libm::atan2(chord, b) - b * chord) / edge_radius
@@ -226,7 +226,7 @@ impl Indenter {
                 let flat = b / half_width;
                 (1.0 - flat > NARROWEST_RING).then(|| (half_width, Shape::punch(flat)))
             }
-            Form::Table(ref table) => {
+            ProfileForm::Table(ref table) => {
                 let (half_width, pressed) = PressedTable::new(&table.shape, load, false)?;
                 Some((half_width, Shape::table(pressed)))
             }
@@ -244,19 +244,21 @@ impl Indenter {
     /// the member at `pointer`.
     pub(super) fn refusal(&self, depth: f64, pointer: &str) -> Faults {
         let detail = match &self.form {
-            Form::Table(table) => {
+            ProfileForm::Table(table) => {
                 return table.too_short(PressedTable::new(&table.shape, self.level(depth), true));
             }
-            Form::Flat(flat) => format!(
+            ProfileForm::Flat(flat) => format!(
                 "gives an indentation depth of {depth:.3e} m. The ring of contact around the flat is \
                  then too narrow to compute. Increase the load, or enter a `flat_radius` below {} m",
                 flat.tip
             ),
-            Form::Punch { half_width, .. } => format!(
+            ProfileForm::Punch { half_width, .. } => format!(
                 "is so small that the edges of the punch hardly touch beside the flat. Enter a larger force, or a \
                  `flat_half_width` below {half_width} m"
             ),
-            Form::Sphere { .. } | Form::Power { .. } | Form::LinePower { .. } => format!(
+            ProfileForm::Sphere { .. }
+            | ProfileForm::Power { .. }
+            | ProfileForm::LinePower { .. } => format!(
                 "makes the contact radius larger than {MAX_SPHERE} times the radius of the sphere. \
                  Half-space theory is not valid there. Reduce the load, or enter a larger radius"
             ),
@@ -267,7 +269,7 @@ impl Indenter {
     /// The fault if the contact of `shape`, which is this profile, splits into a core and a ring.
     pub(super) fn split(&self, shape: &Shape) -> Option<Faults> {
         match &self.form {
-            Form::Table(table) => shape.split().map(|split| table.splits(split)),
+            ProfileForm::Table(table) => shape.split().map(|split| table.splits(split)),
             _ => None,
         }
     }
@@ -275,7 +277,7 @@ impl Indenter {
     /// The fault if the scar at `depth` and amplitude Δ would become larger than the profile.
     pub(super) fn outgrown(&self, depth: f64, threshold: f64) -> Faults {
         match &self.form {
-            Form::Table(table) => {
+            ProfileForm::Table(table) => {
                 let level = self.level(depth);
                 let endless =
                     PressedTable::new(&table.shape, level, true).and_then(|(radius, pressed)| {
@@ -284,15 +286,15 @@ impl Indenter {
                     });
                 table.too_short(endless)
             }
-            Form::Sphere { .. } => self.refusal(depth, "/load"),
-            Form::LinePower { .. } | Form::Punch { .. } => {
+            ProfileForm::Sphere { .. } => self.refusal(depth, "/load"),
+            ProfileForm::LinePower { .. } | ProfileForm::Punch { .. } => {
                 let detail = format!(
                     "would make the scar wider than {WIDEST} half-widths of the unworn contact or deeper than \
                      {DEEPEST} times 2F/(πE*). Request fewer cycles"
                 );
                 Faults::one("/cycles", detail)
             }
-            Form::Flat(_) | Form::Power { .. } => {
+            ProfileForm::Flat(_) | ProfileForm::Power { .. } => {
                 let detail = format!(
                     "would make the scar wider than {WIDEST} contact radii or deeper than {DEEPEST} \
                      indentation depths. In gross slip at constant force the scar grows without \
@@ -367,7 +369,7 @@ fn nearest_row(rows: &[f64], radius: f64) -> usize {
 /// [`Indenter::refusal`] applies.
 pub(super) fn indent(indenter: &Indenter, depth: f64) -> Option<(f64, Shape)> {
     match indenter.form {
-        Form::Power { exponent: n, height, at_radius } => {
+        ProfileForm::Power { exponent: n, height, at_radius } => {
             let ratio = depth / height;
             let radius = at_radius
                 * match n {
@@ -377,7 +379,7 @@ pub(super) fn indent(indenter: &Indenter, depth: f64) -> Option<(f64, Shape)> {
                 };
             Some((radius, Shape::power(n)))
         }
-        Form::Sphere { radius } => {
+        ProfileForm::Sphere { radius } => {
             let depth_at = |share: f64| share * libm::atanh(share);
             if depth_at(MAX_SPHERE) < depth / radius {
                 return None;
@@ -387,7 +389,7 @@ pub(super) fn indent(indenter: &Indenter, depth: f64) -> Option<(f64, Shape)> {
             let share = root(0.5 * guess, guess.min(MAX_SPHERE), |s| depth_at(s) - depth / radius);
             Some((share * radius, Shape::sphere(1.0 / share)))
         }
-        Form::Flat(flat) => {
+        ProfileForm::Flat(flat) => {
             let radius = flat.contact_radius(flat.rim_at(depth));
             let share = flat.tip / radius;
             if 1.0 - share < NARROWEST_RING {
@@ -400,25 +402,25 @@ pub(super) fn indent(indenter: &Indenter, depth: f64) -> Option<(f64, Shape)> {
             };
             Some((radius, shape))
         }
-        Form::Table(ref table) => {
+        ProfileForm::Table(ref table) => {
             let (radius, pressed) = PressedTable::new(&table.shape, depth, false)?;
             Some((radius, Shape::table(pressed)))
         }
         // The depth of a line contact is not defined.
-        Form::LinePower { .. } | Form::Punch { .. } => None,
+        ProfileForm::LinePower { .. } | ProfileForm::Punch { .. } => None,
     }
 }
 
 /// The indentation depth d under a force F, given as F/E* in m².
 pub(super) fn depth_under(indenter: &Indenter, force: f64) -> f64 {
     match indenter.form {
-        Form::Power { exponent: n, height, at_radius } => {
+        ProfileForm::Power { exponent: n, height, at_radius } => {
             // F/E* = (2n/(n+1))·a·d with a = b·(d/h)^(1/n).
             let radius_times_depth = force * (n + 1.0) / (2.0 * n);
             let relative = radius_times_depth / (at_radius * height);
             height * libm::pow(relative, n / (n + 1.0))
         }
-        Form::Sphere { radius } => {
+        ProfileForm::Sphere { radius } => {
             let depth_at = |share: f64| radius * share * libm::atanh(share);
             let force_at = |share: f64| {
                 2.0 * share * radius * depth_at(share) * Shape::sphere(1.0 / share).half_force()
@@ -430,8 +432,8 @@ pub(super) fn depth_under(indenter: &Indenter, force: f64) -> f64 {
             let share = root(0.5 * guess, guess.min(MAX_SPHERE), |s| force_at(s) - force);
             depth_at(share)
         }
-        Form::Flat(flat) => flat.depth(flat.rim_under(force)),
-        Form::Table(ref table) => table.shape.depth_under(force),
-        Form::LinePower { .. } | Form::Punch { .. } => f64::NAN,
+        ProfileForm::Flat(flat) => flat.depth(flat.rim_under(force)),
+        ProfileForm::Table(ref table) => table.shape.depth_under(force),
+        ProfileForm::LinePower { .. } | ProfileForm::Punch { .. } => f64::NAN,
     }
 }
