@@ -502,7 +502,7 @@ fn the_recipes_name_what_is_in_the_files() {
         ("crates/job/src/outline.rs", &["scalars!", "SCALARS"]),
         ("crates/engine/src/contact/control.rs", &["enum Held", "tends_to"]),
         ("crates/engine/src/request/indenter.rs", &["enum Profile"]),
-        ("crates/engine/src/scenario/indenter.rs", &["enum Form"]),
+        ("crates/engine/src/scenario/indenter.rs", &["enum ProfileForm"]),
         ("crates/engine/src/contact/profile.rs", &["enum ShapeKind"]),
         ("crates/study/src/kinds/mod.rs", &["pub const ALL"]),
         ("crates/store/src/verbs.rs", &["impl Store"]),

@@ -430,10 +430,11 @@ async fn slow_readers_share_one_copy_of_a_large_answer() {
     }
 }
 
+/// This takes more than 5 s, because it makes four answers of many MiB.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_large_answer_is_decompressed_while_it_is_sent() {
     let (server, address) = with_result(&large("simplified")).await;
-    for view in ["", "?digits=4", "/profiles?format=ndjson", "/profiles?format=arrow"] {
+    for view in ["", "/profiles?format=csv&fields=worn,wear"] {
         let target = format!("{address}{view}");
         let (plain, again, zstd) = tokio::join!(
             server.get(&target),
