@@ -278,6 +278,18 @@ mod tests {
     }
 
     #[test]
+    fn a_text_is_decompressed_in_pieces_and_a_damaged_one_ends_with_an_error() {
+        let text = b"[0.0,1.5e-7]".repeat(50_000);
+        let (packed, _) = Coding::Zstd.encode(&text).unwrap();
+        let pieces: Vec<Bytes> = decoded(packed.clone()).collect::<io::Result<_>>().unwrap();
+        assert!(pieces.len() > 1 && pieces.concat() == text);
+        for length in [3, packed.len() - 1] {
+            let cut = decoded(packed.slice(..length)).find(Result::is_err);
+            assert!(cut.is_some(), "{length}");
+        }
+    }
+
+    #[test]
     fn a_compressed_body_decompresses_to_the_original() {
         let pack = |coding: Coding, text: &[u8]| coding.encode(text).unwrap();
         for times in [1000, 100_000, 400_000] {
