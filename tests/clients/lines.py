@@ -121,7 +121,7 @@ def every_shape(page, base):
 # Chooses a shape, a motion and one option more in the two examples of a steel ball. Returns the number of scenarios, and
 # the choices and faults of those that the server refuses.
 DEFAULTS = """async () => {
-    const {choicesOf, chooseOption, optionsOf, withoutField} = await import("/assets/form/fields.js");
+    const {choicesOf, chooseOption, optionsOf, withoutField} = await import("/assets/form/field-list.js");
     const answerTo = async (path, options) => (await fetch(path, options)).json();
     const after = ([words, scenario], isMeant) => choicesOf(scenario).filter(({id}) => isMeant(id)).flatMap((choice) =>
         Object.keys(optionsOf(choice, scenario)[0]).map((option) => {

@@ -5,16 +5,16 @@
 import assert from "node:assert/strict";
 import { register } from "node:module";
 
-// The server writes words/words.js.
-const served = await (await fetch(`${process.argv[2]}/assets/words/words.js`)).text();
+// The server writes quantities/words.js.
+const served = await (await fetch(`${process.argv[2]}/assets/quantities/words.js`)).text();
 const words = `data:text/javascript,${encodeURIComponent(served)}`;
 register(`data:text/javascript,${encodeURIComponent(`export const resolve = (name, context, next) => name === "./words.js"
   ? { url: ${JSON.stringify(words)}, shortCircuit: true } : next(name, context);`)}`);
 const page = (name) => import(`../../src/http/dashboard/${name}.js`);
-const { fieldText, kindAt } = await page("words/kinds");
-const { useSi } = await page("words/system");
+const { fieldText, kindAt } = await page("quantities/kinds");
+const { useSi } = await page("quantities/system");
 const { csvCell } = await page("page/csv");
-const { readList, readNumber, understand, understandList } = await page("words/typed");
+const { readList, readNumber, understand, understandList } = await page("quantities/typed");
 
 const scenario = { wear: {} };
 const value = (pointer, text) => understand(text, kindAt(pointer, scenario)).value;

@@ -67,7 +67,7 @@ const ENGINE: Layout = Layout {
     dir: "crates/engine/src",
     rooms: &[
         "numeric",
-        "request",
+        "input",
         "contact",
         "solver",
         "solver/closed",
@@ -101,7 +101,7 @@ const LAYOUTS: [Layout; 11] = [
             "postgres",
             "administration",
             "moving",
-            "verbs",
+            "store",
         ],
         reserved: &[],
     },

@@ -1,9 +1,9 @@
 //! The JSON Schema of a scenario agrees with the parser.
 
-use fretwork_engine::request::fault::Faults;
-use fretwork_engine::request::fields::{Length, MAX_CYCLES, POINTS_RANGE, Position, QUANTITIES};
-use fretwork_engine::request::forms::FORMS;
-use fretwork_engine::request::quantity::{Dimension, parse};
+use fretwork_engine::input::fault::Faults;
+use fretwork_engine::input::fields::{Length, MAX_CYCLES, POINTS_RANGE, Position, QUANTITIES};
+use fretwork_engine::input::forms::FORMS;
+use fretwork_engine::input::quantity::{Dimension, parse};
 use fretwork_engine::scenario::{self, DEFAULT_POINTS, DEFAULT_TOLERANCE, SCHEMA};
 use serde_json::{Value, json};
 

@@ -2,10 +2,10 @@
 
 pub mod case;
 pub mod contact;
+pub mod input;
 pub mod numeric;
 pub mod outcome;
 pub mod reference;
-pub mod request;
 pub mod scenario;
 pub mod simulation;
 pub mod solver;

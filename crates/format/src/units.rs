@@ -163,8 +163,8 @@ impl Serialize for Units {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use fretwork_engine::input::quantity::{Dimension, parse};
     use fretwork_engine::outcome::{QUANTITIES, Quantity};
-    use fretwork_engine::request::quantity::{Dimension, parse};
 
     #[test]
     fn a_scenario_parses_every_engineering_unit_to_the_same_value() {

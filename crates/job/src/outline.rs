@@ -4,11 +4,11 @@ use std::array;
 
 use serde_json::{Map, Value, json};
 
-use fretwork_engine::outcome::Quantity;
-use fretwork_engine::request::indenter::SHAPES;
-use fretwork_engine::request::quantity::Dimension::{
+use fretwork_engine::input::indenter::SHAPES;
+use fretwork_engine::input::quantity::Dimension::{
     self, Angle, Energy, Force, Length, Number, Stiffness, Stress, Volume, WearCoefficient,
 };
+use fretwork_engine::outcome::Quantity;
 use fretwork_study::Kind;
 
 /// A number that users can search by.

@@ -1,8 +1,8 @@
 //! The JSON body of a submission. It is parsed once, and all its faults are listed.
 
 use deserr::{Deserr, IntoValue};
-use fretwork_engine::request::fault::{Faults, Pointer, Valid};
-use fretwork_engine::request::fields::Given;
+use fretwork_engine::input::fault::{Faults, Pointer, Valid};
+use fretwork_engine::input::fields::Given;
 use serde_json::Value;
 
 use super::{Prepared, TaskKind};

@@ -7,8 +7,8 @@ use std::time::Duration;
 
 use bytes::Bytes;
 use fretwork_engine::case::Case;
+use fretwork_engine::input::fault::{Fault, Valid};
 use fretwork_engine::outcome::{History, Outcome, ResultUnits};
-use fretwork_engine::request::fault::{Fault, Valid};
 use fretwork_engine::scenario::{self, Scenario, Warning};
 use fretwork_engine::simulation::{self, Simulation};
 use serde::Serialize;

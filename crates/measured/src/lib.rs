@@ -16,9 +16,9 @@ mod text;
 mod trace;
 mod units;
 
+use fretwork_engine::input::fault::Faults;
+use fretwork_engine::input::quantity::Dimension;
 use fretwork_engine::outcome::{History, Quantity};
-use fretwork_engine::request::fault::Faults;
-use fretwork_engine::request::quantity::Dimension;
 use serde::Serialize;
 use serde_json::{Value, json};
 

@@ -4,8 +4,8 @@ use std::borrow::Cow;
 use std::mem;
 use std::ops::Range;
 
-use fretwork_engine::request::fault::unknown;
-use fretwork_engine::request::quantity::Dimension;
+use fretwork_engine::input::fault::unknown;
+use fretwork_engine::input::quantity::Dimension;
 use serde::Serialize;
 
 use super::cell::{Spelling, is_bad, ungrouped, written};

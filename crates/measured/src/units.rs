@@ -1,6 +1,6 @@
 //! Units of a table, and names with units.
 
-use fretwork_engine::request::quantity::{Dimension, parse};
+use fretwork_engine::input::quantity::{Dimension, parse};
 
 /// Texts that stand for the unit of a plain number.
 const PLAIN: [&str; 5] = ["", "-", "1", "cycle", "cycles"];

@@ -30,8 +30,8 @@ mod moving;
 mod postgres;
 mod results;
 mod sqlite;
+mod store;
 mod team;
-mod verbs;
 
 pub use administration::Administration;
 pub use database::body::Body;
@@ -50,10 +50,10 @@ pub use moving::{
     Accepted, Checked, Damage, Exported, Imported, Importer, MAX_BODY, Moving, Repaired, Saved,
     UntrustedResult, backup, check, export, note_backup, repair, restore,
 };
-pub use results::keep::{Answered, Changed, Editor, Finish, Removed};
 pub use results::library::{FromFile, Known, Note, Program, Provenance};
 pub use results::search::{Cursor, Listed, Search, SearchPage};
+pub use results::storing::{Answered, Changed, Editor, Finish, Removed};
+pub use store::Store;
 pub use team::audit::{Act, Actor, AuditEntry};
 pub use team::keys::{AccessKey, NewKey, Role, digest};
 pub use team::sessions::SignedIn;
-pub use verbs::Store;

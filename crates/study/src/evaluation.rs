@@ -2,9 +2,9 @@
 
 use deserr::Deserr;
 use fretwork_engine::case::{Case, Method};
+use fretwork_engine::input::fault::{Faults, Pointer, Valid};
+use fretwork_engine::input::fields::Given;
 use fretwork_engine::outcome::{Accuracy, History, Loops, OutcomeEvent, Profiles, QUANTITIES};
-use fretwork_engine::request::fault::{Faults, Pointer, Valid};
-use fretwork_engine::request::fields::Given;
 use fretwork_engine::scenario::{self, Scenario, Warning};
 use serde::Serialize;
 use serde_json::{Map, Value};

@@ -6,8 +6,8 @@
 use std::sync::Arc;
 use std::{iter, mem, vec};
 
-use fretwork_engine::request::fault::Valid;
-use fretwork_engine::request::quantity::Dimension;
+use fretwork_engine::input::fault::Valid;
+use fretwork_engine::input::quantity::Dimension;
 
 use super::model::{Model, PointValues};
 use super::output::NoValue;

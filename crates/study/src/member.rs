@@ -1,8 +1,8 @@
 //! The numbers of a scenario that a study varies.
 
-use fretwork_engine::request::fault::unknown;
-use fretwork_engine::request::inputs::measure_at;
-use fretwork_engine::request::quantity::{self, Dimension};
+use fretwork_engine::input::fault::unknown;
+use fretwork_engine::input::inputs::measure_at;
+use fretwork_engine::input::quantity::{self, Dimension};
 use serde_json::{Number, Value};
 
 use fretwork_json::escaped;
@@ -132,8 +132,8 @@ fn numbers(value: &Value, most: Option<usize>, pointer: &mut String, found: &mut
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fretwork_engine::request::Request;
-    use fretwork_engine::request::fault::Fault;
+    use fretwork_engine::input::Request;
+    use fretwork_engine::input::fault::Fault;
     use fretwork_engine::scenario;
     use serde_json::json;
 

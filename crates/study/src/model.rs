@@ -3,8 +3,8 @@
 use std::collections::HashSet;
 
 use deserr::Deserr;
-use fretwork_engine::request::fault::{Faults, Valid};
-use fretwork_engine::request::fields::Given;
+use fretwork_engine::input::fault::{Faults, Valid};
+use fretwork_engine::input::fields::Given;
 use fretwork_engine::scenario;
 use serde_json::Value;
 

@@ -1,7 +1,7 @@
 //! A scenario, the numbers in it that a study varies, and the outputs that the study takes from each result.
 
 use fretwork_engine::case::{Case, Method};
-use fretwork_engine::request::fault::{Fault, Faults, Valid};
+use fretwork_engine::input::fault::{Fault, Faults, Valid};
 use fretwork_engine::scenario;
 use serde_json::{Map, Value};
 

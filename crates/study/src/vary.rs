@@ -4,9 +4,9 @@
 use std::collections::HashSet;
 
 use deserr::Deserr;
-use fretwork_engine::request::fault::{Fault, Faults, Valid};
-use fretwork_engine::request::fields::Given;
-use fretwork_engine::request::quantity::Dimension;
+use fretwork_engine::input::fault::{Fault, Faults, Valid};
+use fretwork_engine::input::fields::Given;
+use fretwork_engine::input::quantity::Dimension;
 use serde_json::Value;
 
 use super::member::Member;

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::{iter, thread};
 
-use fretwork_engine::request::fault::Faults;
+use fretwork_engine::input::fault::Faults;
 use fretwork_random::{Random, Stream};
 use serde_json::{Value, json};
 

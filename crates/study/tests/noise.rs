@@ -6,7 +6,7 @@
 use std::iter;
 use std::sync::Arc;
 
-use fretwork_engine::request::fault::Faults;
+use fretwork_engine::input::fault::Faults;
 use fretwork_random::Stream;
 use fretwork_study::stats::distribution::Distribution;
 use fretwork_study::{Kind, Likelihood, Points, Rows, Study};

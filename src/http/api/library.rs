@@ -11,7 +11,7 @@ use crate::http::api::parameters::ResultKey;
 use crate::http::transport::body::Body;
 use crate::http::wire::{Fresh, NoQuery, Segment, instant, read_key};
 use crate::http::{App, Caller, Problem, Result, kinds};
-use fretwork_engine::request::fault::Faults;
+use fretwork_engine::input::fault::Faults;
 use fretwork_engine::scenario::Warning;
 use fretwork_job::{Key, Verified, earlier};
 use fretwork_json::{read_body, typed};

@@ -17,7 +17,7 @@ use crate::http::transport::body::BODY_LIMIT;
 use crate::http::wire::negotiation::choose;
 use crate::http::wire::{self, NoQuery, Segment};
 use crate::service::{LONGEST_CALL, LONGEST_EVALUATION, RUN_BYTES, WorkLimits};
-use fretwork_engine::request::fields::{MAX_CYCLES, POINTS_RANGE};
+use fretwork_engine::input::fields::{MAX_CYCLES, POINTS_RANGE};
 use fretwork_engine::scenario::NUMERICS;
 
 /// The health of the process.

@@ -3,7 +3,7 @@
 import { arrive } from "./page/address.js";
 import { fill, h, isSure, notify, withDates } from "./page/dom.js";
 import { keepPage } from "./page/dropped.js";
-import { si, useSi } from "./words/units.js";
+import { si, useSi } from "./quantities/units.js";
 import { may } from "./access/allowed.js";
 import { connection, watchConnection } from "./access/api.js";
 import { errorCard } from "./access/error.js";

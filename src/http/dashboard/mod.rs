@@ -18,12 +18,12 @@ use crate::http::problem::Result;
 use crate::http::wire::{NoQuery, Segment};
 use asset::{Asset, Assets};
 
+use fretwork_engine::input::forms::{FORMS, ObjectForm};
+use fretwork_engine::input::inputs::{INPUTS, Measure, VALUES};
+use fretwork_engine::input::quantity::factor_to_si;
 use fretwork_engine::outcome::{
     EVENTS, History, LINE_WORDS, QUANTITIES, Quantity, SECTION_WORDS, SPECIAL_WORDS, Unworn,
 };
-use fretwork_engine::request::forms::{FORMS, ObjectForm};
-use fretwork_engine::request::inputs::{INPUTS, Measure, VALUES};
-use fretwork_engine::request::quantity::factor_to_si;
 use fretwork_format::notation::LADDERS;
 use fretwork_job::WORDS;
 use fretwork_study::{Kind, OutputName};
@@ -49,7 +49,7 @@ const SCRIPTS: &[File] = scripts!(
     // Elements, dropped files and addresses, for all views.
     "page": "address" "csv" "dom" "dropped";
     // Numbers, units and names, as people read and type them.
-    "words": "explain" "input-rows" "kinds" "limits" "pointer" "scaling" "system" "typed" "units";
+    "quantities": "explain" "input-rows" "kinds" "limits" "pointer" "scaling" "system" "typed" "units";
     // Requests to the server, the user, errors and access keys.
     "access": "allowed" "api" "error" "keys" "sign-in";
     // Curves with axes, zoom and readings, and the figures of a run.
@@ -58,7 +58,7 @@ const SCRIPTS: &[File] = scripts!(
     "library": "actions" "columns" "derived" "library" "selected" "stored" "summary" "table"
         "thumbnails";
     // Studies: their ranges, figures and tables.
-    "study": "axes" "bars" "chart" "contours" "curves" "figure" "heat" "measured" "open" "scatter"
+    "study": "bars" "chart" "contours" "curves" "figure" "heat" "measured" "open" "plan" "scatter"
         "so-far" "statistics" "study" "table" "vary" "verdict" "view" "words";
     // Measured sets beside a run.
     "measure": "dialog" "energy" "file" "kept" "measure" "model" "overlay" "panel" "sets" "trace" "units"
@@ -71,7 +71,7 @@ const SCRIPTS: &[File] = scripts!(
     // The comparison of runs.
     "compare": "compare" "figures" "rows" "table";
     // The form of a new run or study.
-    "form": "doubts" "draft" "editors" "faults" "fields" "fieldset" "form" "inputs" "kept-input"
+    "form": "doubts" "draft" "editors" "faults" "field" "field-groups" "field-list" "form" "kept-input"
         "live" "plan" "preview" "repair" "rows" "slider" "trace" "trace-editor" "undo";
     // The page in the file of a report.
     "report": "offline" "report";
@@ -98,7 +98,7 @@ static WORDS_SCRIPT: LazyLock<String> = LazyLock::new(words);
 
 /// The modules of all folders.
 fn scripts() -> impl Iterator<Item = File> {
-    let words = ("words/words.js", "text/javascript", WORDS_SCRIPT.as_str());
+    let words = ("quantities/words.js", "text/javascript", WORDS_SCRIPT.as_str());
     SCRIPTS.iter().copied().chain([words])
 }
 

@@ -28,7 +28,7 @@ const REPLACED: [&str; 9] = [
     "measure/dialog.js",
     "measure/measure.js",
     "study/vary.js",
-    "words/system.js",
+    "quantities/system.js",
 ];
 
 /// What all files have in common.

@@ -7,14 +7,25 @@ use super::{Layout, Uses, circles, read_sources};
 const DASHBOARD: Layout = Layout {
     dir: "src/http/dashboard",
     rooms: &[
-        "page", "words", "access", "figure", "library", "study", "measure", "fit", "run",
-        "compare", "form", "report", "main",
+        "page",
+        "quantities",
+        "access",
+        "figure",
+        "library",
+        "study",
+        "measure",
+        "fit",
+        "run",
+        "compare",
+        "form",
+        "report",
+        "main",
     ],
     reserved: &[],
 };
 
 /// The module that the program writes.
-const WORDS: &str = "words/words.js";
+const WORDS: &str = "quantities/words.js";
 
 /// The addresses in the imports of a module: `import … from "…"`, `import "…"`, `export … from "…"` and `import("…")`.
 fn addresses(text: &str) -> Vec<&str> {

@@ -41,8 +41,8 @@ use super::limit::{Limit, chord_and_angle, limiting_wear};
 use super::profile::Shape;
 use super::record::DisplacementRecord;
 use super::unworn::Contact;
+pub use crate::input::held::Normal;
 use crate::numeric::{maximum, root};
-pub use crate::request::held::Normal;
 
 /// The quantity that is held constant in the tangential direction, in units of the unworn contact.
 #[derive(Debug, Clone, PartialEq)]

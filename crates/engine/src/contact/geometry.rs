@@ -27,8 +27,8 @@
 
 use std::f64::consts::PI;
 
+pub use crate::input::indenter::Geometry;
 use crate::numeric::positive_area;
-pub use crate::request::indenter::Geometry;
 
 impl Geometry {
     /// The coordinate in which the wear between two nodes is linear: r², or x in a line contact.

@@ -25,7 +25,7 @@
 //! # Sources
 //! W. S. Cleveland, *J. Am. Stat. Assoc.* 74 (1979) 829 (local regression).
 
-use crate::request::indenter::{FEWEST_SMOOTHED, LEVEL};
+use crate::input::indenter::{FEWEST_SMOOTHED, LEVEL};
 
 /// Approximate maximum number of points. With more points, neighbours are averaged in groups.
 const MOST_POINTS: usize = 500;

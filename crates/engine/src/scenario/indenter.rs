@@ -25,9 +25,9 @@ use crate::contact::limit::{DEEPEST, WIDEST};
 use crate::contact::profile::{Shape, kappa};
 use crate::contact::table_shape::{PressedTable, Split, TableShape};
 use crate::contact::unworn::Contact;
+use crate::input::fault::{Faults, Valid};
+use crate::input::indenter::{Profile, TableProfile};
 use crate::numeric::root;
-use crate::request::fault::{Faults, Valid};
-use crate::request::indenter::{Profile, TableProfile};
 
 /// Maximum a₀/R of a sphere. Half-space theory is not valid for larger contacts.
 const MAX_SPHERE: f64 = 0.6;

@@ -3,10 +3,10 @@
 use serde::Serialize;
 
 use crate::case::{EnergyOutputs, Outputs, Scales};
+use crate::input::fault::{Faults, Valid};
+use crate::input::fields::LAST_CYCLE;
+use crate::input::instants::{Cycles, Measure, ProfilesAt, ProfilesWord};
 use crate::numeric::twelve_digits;
-use crate::request::fault::{Faults, Valid};
-use crate::request::fields::LAST_CYCLE;
-use crate::request::instants::{Cycles, Measure, ProfilesAt, ProfilesWord};
 
 /// If there are at most this many output cycles, all of them have profiles by default. With more,
 /// only the last one has profiles.

@@ -8,9 +8,9 @@
 
 use super::motion::{CanonicalMotion, Moves, merged};
 use super::pressed::{MIN_RING, ROUNDED, UnwornContact};
+use crate::input::fault::{Faults, Valid};
+use crate::input::held::{self, Blocks, Motion, Reference};
 use crate::numeric::twelve_digits;
-use crate::request::fault::{Faults, Valid};
-use crate::request::held::{self, Blocks, Motion, Reference};
 
 /// A tangential force must be smaller than μF by more than this share of μF.
 const LEAST_MARGIN: f64 = 1e-9;

@@ -6,11 +6,11 @@ use serde::Serialize;
 
 use super::indenter::{Indenter, depth_under, indent};
 use crate::contact::profile::Shape;
+use crate::input::Request;
+use crate::input::fault::Valid;
+use crate::input::fields::{Force, Length, derived};
+use crate::input::held::Normal;
 use crate::numeric::twelve_digits;
-use crate::request::Request;
-use crate::request::fault::Valid;
-use crate::request::fields::{Force, Length, derived};
-use crate::request::held::Normal;
 
 /// The effective moduli, in Pa.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]

@@ -24,9 +24,9 @@ use super::pressed::UnwornContact;
 use crate::contact::control::{Block, Control, Held};
 use crate::contact::record::DisplacementRecord;
 use crate::contact::reference::Series;
+use crate::input::fault::{Faults, Valid};
+use crate::input::held::{self, MotionHeld, Reference};
 use crate::numeric::twelve_digits;
-use crate::request::fault::{Faults, Valid};
-use crate::request::held::{self, MotionHeld, Reference};
 
 /// The motion in canonical form.
 #[derive(Debug, Clone, PartialEq, Serialize)]

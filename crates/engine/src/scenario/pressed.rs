@@ -8,9 +8,9 @@ use crate::case;
 use crate::contact::control::{Held, Normal};
 use crate::contact::profile::Shape;
 use crate::contact::reference::{Series, at_aperture};
+use crate::input::changing::Changing;
+use crate::input::fault::{Faults, Valid};
 use crate::numeric::{integrate, root};
-use crate::request::changing::Changing;
-use crate::request::fault::{Faults, Valid};
 
 /// Minimum width of the slip ring, in a₀, if the stick edge can move.
 pub(super) const MIN_RING: f64 = 1e-4;

@@ -9,10 +9,10 @@
 use super::motion::{CanonicalMotion, Moves, merged, record_of};
 use super::pressed::{MIN_RING, ROUNDED, UnwornContact};
 use crate::contact::control::Normal;
+use crate::input::fault::{Faults, Valid};
+use crate::input::fields::{Length, List};
+use crate::input::held::{Blocks, Motion, MotionHeld, Reference};
 use crate::numeric::twelve_digits;
-use crate::request::fault::{Faults, Valid};
-use crate::request::fields::{Length, List};
-use crate::request::held::{Blocks, Motion, MotionHeld, Reference};
 
 /// Minimum U/U_gs. For a smaller ratio the slip ring would be lost in rounding.
 const MIN_THRESHOLD: f64 = 1e-6;

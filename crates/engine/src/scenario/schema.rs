@@ -5,10 +5,10 @@ use std::sync::LazyLock;
 
 use serde_json::{Map, Value, json};
 
-use crate::request::fields::{Described, QUANTITIES};
-use crate::request::forms::{FORMS, ObjectForm};
-use crate::request::inputs::{Form, Input};
-use crate::request::quantity::Dimension;
+use crate::input::fields::{Described, QUANTITIES};
+use crate::input::forms::{FORMS, ObjectForm};
+use crate::input::inputs::{Form, Input};
+use crate::input::quantity::Dimension;
 
 /// The JSON Schema of a scenario, version 2020-12.
 pub static SCHEMA: LazyLock<String> = LazyLock::new(|| format!("{:#}\n", schema()));

@@ -28,8 +28,8 @@ mod recording;
 mod single;
 
 use crate::case::{Case, Method};
+use crate::input::fault::Valid;
 use crate::outcome::{History, Outcome};
-use crate::request::fault::Valid;
 use crate::scenario::{Scenario, Warning};
 use comparing::Comparing;
 use single::SingleRun;

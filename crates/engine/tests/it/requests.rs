@@ -2,12 +2,12 @@
 
 use deserr::{Deserr as _, IntoValue as _, ValuePointerRef};
 use fretwork_engine::contact::geometry::Geometry;
-use fretwork_engine::request::Request;
-use fretwork_engine::request::changing::{ChangeTable, Changing, Over};
-use fretwork_engine::request::fault::Faults;
-use fretwork_engine::request::held::{Blocks, Reference};
-use fretwork_engine::request::indenter::Profile;
-use fretwork_engine::request::wear::WearLaw;
+use fretwork_engine::input::Request;
+use fretwork_engine::input::changing::{ChangeTable, Changing, Over};
+use fretwork_engine::input::fault::Faults;
+use fretwork_engine::input::held::{Blocks, Reference};
+use fretwork_engine::input::indenter::Profile;
+use fretwork_engine::input::wear::WearLaw;
 use fretwork_engine::scenario;
 use serde_json::{Value, json};
 

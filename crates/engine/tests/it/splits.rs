@@ -4,8 +4,8 @@
 
 use std::f64::consts::FRAC_PI_2;
 
+use fretwork_engine::input::fault::Fault;
 use fretwork_engine::outcome::Outcome;
-use fretwork_engine::request::fault::Fault;
 use fretwork_engine::scenario;
 use fretwork_engine::simulation::Simulation;
 use fretwork_engine::solver::events::EventKind;

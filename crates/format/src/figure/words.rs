@@ -3,8 +3,8 @@
 use serde_json::Value;
 
 use crate::notation::{digits, typeset};
+use fretwork_engine::input::inputs::named;
 use fretwork_engine::outcome::{Quantity, words_in};
-use fretwork_engine::request::inputs::named;
 
 /// The name of the number at a pointer of a scenario, with a capital.
 pub fn member(pointer: &str, scenario: &Value) -> String {

@@ -1,6 +1,6 @@
 //! What is wanted from a file.
 
-use fretwork_engine::request::quantity::{Dimension, parse};
+use fretwork_engine::input::quantity::{Dimension, parse};
 
 /// What is wanted from a file.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -17,7 +17,7 @@ pub(crate) enum Lock {
     /// The sum of all pins.
     Pins = 0x6672_6574_0002,
     /// Maintenance.
-    Upkeep = 0x6672_6574_0003,
+    Maintenance = 0x6672_6574_0003,
 }
 
 /// Maximum number of rows of an answer that are read.

@@ -3,7 +3,7 @@
 pub(crate) mod ages;
 pub(crate) mod cancel;
 pub(crate) mod claimed;
+pub(crate) mod maintenance;
 pub(crate) mod naming;
 pub(crate) mod read;
 pub(crate) mod submit;
-pub(crate) mod upkeep;

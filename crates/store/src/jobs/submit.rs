@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::database::{Columns, Connected, Error, IDEMPOTENCY, Result, Tables, sql};
 use crate::jobs::read;
-use crate::results::keep::Source;
+use crate::results::storing::Source;
 use fretwork_engine::scenario::Warning;
 use fretwork_job::{Job, JobId, Key};
 

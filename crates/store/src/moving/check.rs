@@ -23,8 +23,8 @@ use crate::database::{
     Body, Columns, Command, Connected as _, Error, Result, Statement, Sum, Tables as _, changes,
     checksum, is_other_file, sql, unless_damaged,
 };
-use crate::results::keep::outlined;
 use crate::results::search::names;
+use crate::results::storing::outlined;
 use crate::sqlite::open::{self, DATABASE};
 use crate::sqlite::schema;
 use fretwork_job::{Canonical, ENGINE, Key, Outline, ResultDocument, SCALARS, WORDS, clock};

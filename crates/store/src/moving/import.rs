@@ -15,9 +15,9 @@ use super::Moving;
 use super::lines::{Line, Lines, MAX_BODY, Maker, Next, Noted, Told, is_stdio};
 use crate::administration::Administration;
 use crate::database::{Command, Place};
-use crate::moving::imports::{self, Accepted, Before, NoteTaken};
-use crate::results::keep::Answered;
+use crate::moving::store_import::{self, Accepted, Before, NoteTaken};
 use crate::results::library::{Note, Program};
+use crate::results::storing::Answered;
 use fretwork_job::{Answer, Cost, Key, ResultDocument, Verified, clock, is_too_deep};
 
 /// The outcome of an import.
@@ -141,7 +141,7 @@ impl Importer {
             return Ok(Ok(Some(entry)));
         }
         self.done.known += 1;
-        let note = self.db.change(imports::take_note, &(entry.key, entry.note)).await?;
+        let note = self.db.change(store_import::take_note, &(entry.key, entry.note)).await?;
         self.count_note(note, entry.key);
         Ok(Ok(None))
     }
@@ -159,7 +159,8 @@ impl Importer {
         Box::pin(async move {
             let file = self.name.clone();
             let (key, size, verified) = (import.key, import.answer.size, import.verified);
-            let (before, note) = self.db.change(imports::import, &(import, file)).await?;
+            let (before, note) =
+                self.db.change(store_import::store_import, &(import, file)).await?;
             match before {
                 Before::Nothing => {
                     self.done.results += 1;

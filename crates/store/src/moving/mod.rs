@@ -13,8 +13,8 @@ mod check;
 mod damage;
 mod export;
 mod import;
-mod imports;
 mod lines;
+mod store_import;
 
 use std::fs::{self, File};
 use std::io;
@@ -32,8 +32,8 @@ pub use check::{Checked, Repaired, check, repair};
 pub use damage::Damage;
 pub use export::{Exported, export};
 pub use import::{Imported, Importer, UntrustedResult};
-pub use imports::Accepted;
 pub use lines::MAX_BODY;
+pub use store_import::Accepted;
 
 /// The version of the form of an export. Form 1 was a database of SQLite.
 const FORM: u32 = 2;

@@ -10,8 +10,8 @@ use tokio::sync::watch;
 use tokio::time::{self, Instant, MissedTickBehavior, timeout};
 
 use super::lease;
+use super::maintenance::Maintenance;
 use super::transaction::reading;
-use super::upkeep::Upkeep;
 use super::{Database, Parts, hints, schema};
 use crate::database::{DatabaseUrl, Error, Options, Result, Signals};
 
@@ -22,7 +22,7 @@ const SILENCE: Duration = Duration::from_secs(20);
 /// Maximum pause after an error, before leases are renewed, notifications are sent or the listener is connected again.
 const PAUSE: Duration = Duration::from_millis(500);
 /// Interval between two rounds of maintenance.
-const UPKEEP: Duration = Duration::from_secs(2);
+const MAINTENANCE: Duration = Duration::from_secs(2);
 
 /// Starts all tasks. They end when the database is closed or dropped.
 pub(super) fn start(
@@ -34,13 +34,13 @@ pub(super) fn start(
     let (signals, node) = (Arc::clone(&db.0.signals), &db.0.node.id);
     spawn(closed, listen(url.clone(), signals, node.clone()));
     spawn(closed, tell(Arc::downgrade(&db.0), Arc::clone(&db.0.hints), node.clone()));
-    let upkeep = Box::new(Upkeep::new(options));
+    let maintenance = Box::new(Maintenance::new(options));
     for (every, chore) in [
         (COUNT, Chore::Count),
         (db.0.node.renewal(), Chore::Renew),
         (options.lease / 6, Chore::Reclaim),
         (options.poll, Chore::Look),
-        (UPKEEP, Chore::Upkeep(upkeep)),
+        (MAINTENANCE, Chore::Maintenance(maintenance)),
     ] {
         spawn(closed, repeat(every, chore, Arc::downgrade(&db.0)));
     }
@@ -56,7 +56,7 @@ enum Chore {
     Reclaim,
     /// Wakes waiting clients and workers, which read the tables again.
     Look,
-    Upkeep(Box<Upkeep>),
+    Maintenance(Box<Maintenance>),
 }
 
 impl Chore {
@@ -69,7 +69,7 @@ impl Chore {
             Self::Renew => db.renew().await?,
             Self::Reclaim => drop(db.reclaim(false).await?),
             Self::Look => db.0.signals.wake(),
-            Self::Upkeep(upkeep) => upkeep.round(db).await?,
+            Self::Maintenance(maintenance) => maintenance.round(db).await?,
         }
         Ok(())
     }

@@ -20,7 +20,7 @@ use crate::database::{
     sql,
 };
 use crate::jobs::claimed::{Claim, Claimed};
-use crate::results::keep::{self, Answered, Finish, Source};
+use crate::results::storing::{self, Answered, Finish, Source};
 use fretwork_job::{ENGINE, FailureKind, JobState};
 
 /// Maximum number of attempts to claim a part. An attempt fails if other workers claim all the parts that it has found.
@@ -257,13 +257,13 @@ pub(crate) async fn finish(
         let (job, trace) = (row.get("first_job")?, claimed.trace.as_deref());
         let (program, now) = (Some(tx.of.node.program), row.get("finished")?);
         let source = Source { key, task: &task, owner, job, warnings, trace, program, now };
-        super::keep::store(&mut tx.db, answer, &source, true).await?;
+        super::storing::store(&mut tx.db, answer, &source, true).await?;
     }
     ended_by(tx, rows.iter(), Ending::Succeeded).await?;
     let mut finished = Vec::new();
     for (claimed, answer) in all {
         finished.push(match rows.remove(&claimed.run) {
-            Some(row) => keep::kept(answer, claimed.key, &row, tx.into()).await?,
+            Some(row) => storing::kept(answer, claimed.key, &row, tx.into()).await?,
             None => Finish::Refused,
         });
     }

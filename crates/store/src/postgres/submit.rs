@@ -4,11 +4,11 @@
 use std::time::{Duration, Instant};
 
 use super::transaction::Transaction;
-use super::{chunks, keep};
+use super::{chunks, storing};
 use crate::database::{Columns, Connected, Effect, Ending, Error, Result, Row, RunId, Tables, sql};
 use crate::jobs::read::read_job;
 use crate::jobs::submit::{Admission, NewJob, Queued, Submitted, json};
-use crate::results::keep::Answered;
+use crate::results::storing::Answered;
 use fretwork_job::{ENGINE, JobState, Origin};
 
 /// Maximum number of attempts of a submission. An attempt fails if another server ends or queues the run of the key at
@@ -214,7 +214,7 @@ pub(crate) async fn record(
     let took = i64::try_from(wall.as_millis()).unwrap_or(i64::MAX);
     let now = tx.now().await?;
     let (key, source) = (first.key, first.source(tx.of.node.program, now));
-    let is_stored = keep::store(&mut tx.db, answer, &source, false).await?;
+    let is_stored = storing::store(&mut tx.db, answer, &source, false).await?;
     if is_stored {
         tx.effects.push(Effect::Ended(key));
         tx.effects.push(Effect::Settled(Ending::Succeeded, Some(took)));

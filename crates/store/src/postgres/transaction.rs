@@ -7,7 +7,7 @@ use tokio::time::timeout;
 
 use super::pool::Borrowed;
 use super::{Database, PATIENCE, Parts, hints};
-use crate::database::{Change, Connected, Doing, Effect, Error, Result, Verb};
+use crate::database::{Change, Connected, Doing, Effect, Error, Lock, Result, Verb};
 
 /// Maximum number of retries of a verb after conflicts with other transactions.
 const CONFLICTS: u32 = 10;
@@ -38,6 +38,12 @@ impl<'a> Transaction<'a> {
     /// returns the same time.
     pub(super) async fn now(&mut self) -> Result<i64> {
         Change::from(self).now().await
+    }
+
+    /// Whether no other server does maintenance until the end of the transaction.
+    pub(super) async fn maintains_alone(&mut self) -> Result<bool> {
+        let query = sqlx::query_scalar("SELECT pg_try_advisory_xact_lock($1)");
+        Ok(query.bind(Lock::Maintenance as i64).fetch_one(self.db.connection()).await?)
     }
 
     /// Notifies the other servers of deleted results in this transaction. Unlike a hint, this must not be lost:

@@ -8,7 +8,7 @@ use serde::Deserialize;
 
 use crate::database::{Columns, Result, Row, Statement, Tables, Words, page_of, read, sql};
 use crate::results::library::Note;
-use fretwork_engine::request::quantity::{self, Dimension};
+use fretwork_engine::input::quantity::{self, Dimension};
 use fretwork_job::{JobId, Key, Outline, SCALARS, WORDS, clock};
 
 /// The names of the searchable words and numbers, in the order of an [`Outline`]. They are columns of `outline`.

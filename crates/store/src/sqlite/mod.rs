@@ -6,19 +6,20 @@
 
 pub(super) mod cancel;
 pub(super) mod chunks;
+mod eviction;
 mod files;
-pub(super) mod keep;
 pub(super) mod ledger;
 mod log;
+pub(super) mod maintenance;
 pub(super) mod open;
 mod outline;
 mod queue;
 mod readers;
 pub(super) mod runs;
 pub(super) mod schema;
+pub(super) mod storing;
 pub(super) mod submit;
 mod transaction;
-pub(super) mod upkeep;
 mod writer;
 
 use std::path::Path;
@@ -164,7 +165,7 @@ mod tests {
     #[tokio::test]
     async fn the_query_for_the_oldest_rows_uses_indexes() {
         let (_dir, db) = open().await;
-        let steps = plan(&db, upkeep::oldest()).await;
+        let steps = plan(&db, eviction::oldest()).await;
         for step in [
             "SCAN result USING INDEX result_unread",
             "SEARCH result USING INDEX result_evicted (evicted>?)",

@@ -15,12 +15,12 @@ use super::Database;
 use super::files::Files;
 use super::ledger::Ledger;
 use super::log::Log;
+use super::maintenance::Maintenance;
 use super::outline;
 use super::queue::Queue;
 use super::readers::{BUSY, Readers};
 use super::schema::{self, migrate};
 use super::transaction::Transaction;
-use super::upkeep::Upkeep;
 use super::writer::Writer;
 use crate::database::{
     Columns as _, Connected as _, Error, FileSizes, Options, Result, Signals, Tables as _, sql,
@@ -79,12 +79,13 @@ impl Database {
         let files = Files::at(files).map_err(|error| unusable(dir, error))?;
         // A new database has no stored time.
         let clock = db.one(sql!("SELECT clock FROM room")).await?.get("clock")?;
-        let upkeep = Upkeep::new(options.keep_jobs, options.budget, AgeClock::at(clock));
+        let maintenance = Maintenance::new(options.keep_jobs, options.budget, AgeClock::at(clock));
         let queue_limit = options.queue_limit;
         let effects = Vec::new();
         let tx = Transaction { db, now: now(), queue, queue_limit, program, effects };
         let log = Log::new(with_suffix(&path, "-wal"), log_pages * PAGE);
-        let writer = Writer::new(tx, Arc::clone(&signals), upkeep, (ledger, log, files)).start();
+        let writer =
+            Writer::new(tx, Arc::clone(&signals), maintenance, (ledger, log, files)).start();
         let (scans, dir) = (Arc::new(Semaphore::new(SCANS)), dir.into());
         Ok(Self { writer, readers, large, keys, scans, signals, dir })
     }

@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 use sqlx::SqliteConnection;
 
 use crate::database::{Body, Columns, Connected, Error, Result, Statement, Tables, sql};
-use crate::results::keep::outlined;
+use crate::results::storing::outlined;
 use fretwork_job::{Key, Outline, ResultDocument, TaskKind, asked_in};
 
 /// The statement that writes the outline of a stored result, and replaces an older outline. `which` is a condition that

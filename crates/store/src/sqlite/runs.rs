@@ -5,15 +5,15 @@
 
 use std::sync::LazyLock;
 
-use super::keep::{Reason, keeping};
 use super::queue::Queue;
+use super::storing::{Reason, keeping};
 use super::transaction::Transaction;
 use super::{Database, chunks};
 use crate::database::{
     Columns, Connected, Effect, Ending, MAX_LOST, Recovered, Result, RunId, Statement, Tables, sql,
 };
 use crate::jobs::claimed::{Claim, Claimed};
-use crate::results::keep::{self, Answered, Finish, Source};
+use crate::results::storing::{self, Answered, Finish, Source};
 use fretwork_job::{FailureKind, Key};
 
 impl Database {
@@ -83,7 +83,7 @@ pub(crate) async fn finish(
     // Only the first statement returns a row. `rows` executes all statements; `row` would skip the later ones.
     let Some(row) = tx.db.rows(query).await?.pop() else { return Ok(Finish::Refused) };
     ended(tx, run, key, row.get("started")?, Ending::Succeeded);
-    keep::kept(answer, key, &row, tx.into()).await
+    storing::kept(answer, key, &row, tx.into()).await
 }
 
 pub(crate) async fn fail(

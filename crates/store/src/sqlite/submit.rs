@@ -4,7 +4,7 @@
 use std::sync::LazyLock;
 use std::time::Duration;
 
-use super::keep::{Reason, keeping};
+use super::storing::{Reason, keeping};
 use super::transaction::Transaction;
 use crate::database::{
     Columns, Connected, Effect, Ending, Result, Row, RunId, Statement, Tables, checksum, sql,
@@ -12,7 +12,7 @@ use crate::database::{
 use crate::jobs::claimed::Stages;
 use crate::jobs::read::read_job;
 use crate::jobs::submit::{Admission, NewJob, Queued, Submitted, json};
-use crate::results::keep::Answered;
+use crate::results::storing::Answered;
 use fretwork_job::{JobState, Origin};
 
 impl NewJob {

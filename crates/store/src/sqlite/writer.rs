@@ -7,14 +7,15 @@ use sqlx::{AssertSqlSafe, Connection, Executor, Row as _};
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::timeout;
 
+use super::eviction::{self, ROOM, Room, make_room};
 use super::files::Files;
 use super::ledger::Ledger;
 use super::log::{self, Log};
+use super::maintenance::{CHUNKS, Maintenance, delete_old, write_clock, write_reads};
 use super::queue::Queue;
 use super::transaction::Transaction;
-use super::upkeep::{self, CHUNKS, Room, Upkeep, delete_old, make_room, write_clock, write_reads};
 use crate::database::{Error, READ_AT_ONCE, Result, SharedVerb, Signals, Verb};
-use crate::jobs::upkeep::{delete_chunks, forget_evicted};
+use crate::jobs::maintenance::{delete_chunks, forget_evicted};
 use fretwork_job::clock::now;
 
 /// Maximum number of messages that wait for the writer task. Senders of further messages wait.
@@ -101,7 +102,7 @@ pub(super) struct Writer {
     /// Whether a transaction has failed, so that the queue must be read from the tables again.
     queue_is_stale: bool,
     signals: Arc<Signals>,
-    upkeep: Upkeep,
+    maintenance: Maintenance,
     ledger: Ledger,
     log: Log,
     files: Files,
@@ -123,10 +124,10 @@ impl Writer {
     pub(super) fn new(
         tx: Transaction,
         signals: Arc<Signals>,
-        upkeep: Upkeep,
+        maintenance: Maintenance,
         (ledger, log, files): (Ledger, Log, Files),
     ) -> Self {
-        Self { tx, queue_is_stale: false, signals, upkeep, ledger, log, files, changes: 0 }
+        Self { tx, queue_is_stale: false, signals, maintenance, ledger, log, files, changes: 0 }
     }
 
     /// Starts the task. It ends when it is closed or the last sender is dropped.
@@ -142,7 +143,7 @@ impl Writer {
         let mut closing = Vec::new();
         loop {
             let next = messages.recv_many(&mut inbox, BATCH);
-            let Ok(received) = timeout(self.upkeep.pause(), next).await else {
+            let Ok(received) = timeout(self.maintenance.pause(), next).await else {
                 self.keep_up(true).await;
                 continue;
             };
@@ -166,7 +167,7 @@ impl Writer {
                 }
                 self.log.tried();
             }
-            if self.upkeep.is_due() {
+            if self.maintenance.is_due() {
                 self.keep_up(false).await;
             }
         }
@@ -253,7 +254,7 @@ impl Writer {
         if let Some(row) = commit.fetch_all(&mut self.tx.db).await?.first() {
             // The number does not include the update of `room` by this statement.
             self.changes = row.try_get::<i64, _>("changes")? + 1;
-            self.upkeep.note(row.try_get("used")?);
+            self.maintenance.note(row.try_get("used")?);
             self.ledger.note(row.try_get("commits")?, self.tx.now);
         }
         Ok(())
@@ -277,11 +278,11 @@ impl Writer {
             // If this fails, the only effect is that a recently read result may be evicted.
             let _ = self.chore(write_reads, reads).await;
         }
-        let time = self.upkeep.clock.advance(now());
-        if let Some(time) = self.upkeep.clock.unstored() {
+        let time = self.maintenance.clock.advance(now());
+        if let Some(time) = self.maintenance.clock.unstored() {
             let _ = self.chore(write_clock, time).await;
         }
-        let old = match self.upkeep.keep_jobs {
+        let old = match self.maintenance.keep_jobs {
             Some(age) => {
                 let age = i64::try_from(age.as_millis()).unwrap_or(i64::MAX);
                 self.chore(delete_old, time.saturating_sub(age)).await.unwrap_or(false)
@@ -290,17 +291,17 @@ impl Writer {
         };
         let chunks = self.chore(SharedVerb(delete_chunks), CHUNKS).await.unwrap_or(false);
         let _ = self.chore(SharedVerb(forget_evicted), time).await;
-        let exceeds = match self.upkeep.budget {
+        let exceeds = match self.maintenance.budget {
             // Chunks that no study needs are deleted before results.
             Some(budget) if !chunks => self.make_room(budget).await,
             _ => false,
         };
-        if let Ok(bytes) = self.chore(upkeep::stored, ()).await {
+        if let Ok(bytes) = self.chore(eviction::stored, ()).await {
             self.signals.tally.bytes.set(bytes);
         }
         let spare = self.give_back().await;
         let more = many || old || chunks || exceeds || spare;
-        self.upkeep.did(more);
+        self.maintenance.did(more);
         if idle && !more {
             self.shrink().await;
         }
@@ -308,7 +309,7 @@ impl Writer {
 
     /// Deletes rows to bring the database within its budget. Returns whether there is more to delete.
     async fn make_room(&mut self, budget: u64) -> bool {
-        let mut room = self.chore(make_room, (budget, upkeep::ROOM, false)).await;
+        let mut room = self.chore(make_room, (budget, ROOM, false)).await;
         if let Err(Error::Damaged(_)) = room {
             // The transaction failed at a damaged body. So this deletes one row at a time up to that body, and then
             // evicts its result without deleting the body.
@@ -318,14 +319,14 @@ impl Writer {
             }
         }
         let Ok(Room { used, deleted }) = room else {
-            self.upkeep.could_not_delete();
+            self.maintenance.could_not_delete();
             return false;
         };
         let is_stuck = deleted == 0 && used > budget;
         if deleted > 0 {
             tracing::debug!(deleted, used, "deleted what was used longest ago");
         }
-        if self.upkeep.cannot_delete(is_stuck.then_some(used)) {
+        if self.maintenance.cannot_delete(is_stuck.then_some(used)) {
             tracing::warn!(
                 used,
                 budget,
@@ -429,11 +430,11 @@ mod tests {
         db.execute("CREATE TABLE t (x INTEGER PRIMARY KEY, y BLOB)").await.unwrap();
         let queue = Queue::default();
         let ledger = Ledger::open(tempfile::tempfile().unwrap(), &mut db).await.unwrap();
-        let upkeep = Upkeep::new(None, None, AgeClock::at(None));
+        let maintenance = Maintenance::new(None, None, AgeClock::at(None));
         let (queue_limit, effects) = (1, Vec::new());
         let tx = Transaction { db, now: 0, queue, queue_limit, program: 1, effects };
         let parts = (ledger, Log::new("".into(), 0), Files::default());
-        Writer::new(tx, Arc::default(), upkeep, parts)
+        Writer::new(tx, Arc::default(), maintenance, parts)
     }
 
     /// Applies insertions of (number, bytes) as one batch. Returns the answers and the number of calls.

@@ -14,9 +14,9 @@ use std::sync::OnceLock;
 
 use deserr::Deserr;
 use fretwork_engine::case::Case;
+use fretwork_engine::input::fault::{Faults, Valid};
+use fretwork_engine::input::fields::{Given, Length};
 use fretwork_engine::outcome::Condition;
-use fretwork_engine::request::fault::{Faults, Valid};
-use fretwork_engine::request::fields::{Given, Length};
 use fretwork_engine::scenario;
 use serde_json::{Value, json};
 

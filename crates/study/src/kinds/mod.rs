@@ -24,7 +24,7 @@ mod tests {
     use std::iter;
     use std::sync::Arc;
 
-    use fretwork_engine::request::fault::Valid;
+    use fretwork_engine::input::fault::Valid;
     use serde_json::{Map, Value, json};
 
     use crate::member::Member;

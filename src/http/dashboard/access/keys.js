@@ -1,7 +1,7 @@
 // The access keys of the server: make, limit and revoke them.
 
 import { copy, dateTime, fill, h, isSure, select, tableOf } from "../page/dom.js";
-import { cycles } from "../words/units.js";
+import { cycles } from "../quantities/units.js";
 import { may } from "./allowed.js";
 import { get, send } from "./api.js";
 import { errorCard } from "./error.js";

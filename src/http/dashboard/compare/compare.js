@@ -2,7 +2,7 @@
 
 import { keepState } from "../page/address.js";
 import { button, choice, fill, h, select } from "../page/dom.js";
-import { cycles, WORDS } from "../words/units.js";
+import { cycles, WORDS } from "../quantities/units.js";
 import { may } from "../access/allowed.js";
 import { Problem, resultAddress } from "../access/api.js";
 import { Cursors, Figure } from "../figure/figure.js";

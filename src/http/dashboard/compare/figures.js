@@ -1,7 +1,7 @@
 // The figures of a comparison: the same curve of each run, with its colour, its dash and its letter.
 
-import { symbolOf } from "../words/explain.js";
-import { cycles, isLine, quantity, wordOf, WORDS } from "../words/units.js";
+import { symbolOf } from "../quantities/explain.js";
+import { cycles, isLine, quantity, wordOf, WORDS } from "../quantities/units.js";
 import { branches, extent, maxDifference } from "../figure/curves.js";
 import { after, heightTitle, historyCurve, isKnown, loopAxes, MAX_BRANCHES, nearest, rangeOf } from "../figure/run.js";
 

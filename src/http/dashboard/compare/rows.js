@@ -1,9 +1,9 @@
 // The rows of a comparison: inputs that differ, outputs with their errors and their differences to the first run, and what is equal.
 
-import { symbolOf } from "../words/explain.js";
-import { inputRows } from "../words/input-rows.js";
-import { axisUnit } from "../words/scaling.js";
-import { cycles, digits, percent, quantity, wordOf, WORDS } from "../words/units.js";
+import { symbolOf } from "../quantities/explain.js";
+import { inputRows } from "../quantities/input-rows.js";
+import { axisUnit } from "../quantities/scaling.js";
+import { cycles, digits, percent, quantity, wordOf, WORDS } from "../quantities/units.js";
 import { modelError, numericalError, regimeAt } from "../run/headline.js";
 
 /** Relative differences below this come from rounding. */

@@ -2,7 +2,7 @@
 
 import { csvCell } from "../page/csv.js";
 import { fill, h } from "../page/dom.js";
-import { italics } from "../words/explain.js";
+import { italics } from "../quantities/explain.js";
 
 /** A row's name, its symbol in italics, and its unit. */
 const heading = ({ name, symbol, scale, errors }) => h("th", { scope: "row" }, name, symbol && [" ", ...italics(symbol)],

@@ -1,6 +1,6 @@
 // The axes of a figure: their ends, their units, their ticks, and the map from values to pixels.
 
-import { axisUnit, powerOfTen, spaced } from "../words/scaling.js";
+import { axisUnit, powerOfTen, spaced } from "../quantities/scaling.js";
 import { extent } from "./curves.js";
 
 /** A logarithmic axis over fewer decades has ticks at equal steps. */

@@ -1,7 +1,7 @@
 // Draws a figure as SVG elements. All colours are variables of style.css, so light and dark need no redrawing.
 
 import { svg } from "../page/dom.js";
-import { withUnit } from "../words/scaling.js";
+import { withUnit } from "../quantities/scaling.js";
 import { endsOfX, endsOfY, placeAxis } from "./axis.js";
 import { interpolate } from "./curves.js";
 import { placeLabels, roomOf, widthOf } from "./labels.js";

@@ -1,7 +1,7 @@
 // Reads values off a figure: with the pointer, or with the arrow keys as a slider over the points.
 
 import { fill, h, svg } from "../page/dom.js";
-import { quantity } from "../words/scaling.js";
+import { quantity } from "../quantities/scaling.js";
 import { interpolate } from "./curves.js";
 import { markOf } from "./draw.js";
 

@@ -1,8 +1,8 @@
 // The figures of a run: profiles, history and loop at one output cycle.
 
 import { fill } from "../page/dom.js";
-import { symbolOf, term } from "../words/explain.js";
-import { cycles, digits, isLine, quantity, wordOf, WORDS } from "../words/units.js";
+import { symbolOf, term } from "../quantities/explain.js";
+import { cycles, digits, isLine, quantity, wordOf, WORDS } from "../quantities/units.js";
 import { axisLimit, branches, extent, spread } from "./curves.js";
 
 export const PROFILES = ["worn", "wear", "pressure", "slip", "image"];

@@ -1,9 +1,9 @@
 // The figures of a fit: the curve with its bands and the data, the residuals, and the sum of squares over each parameter.
 
 import { capital } from "../page/dom.js";
-import { symbolOf } from "../words/explain.js";
-import { digits, WORDS } from "../words/units.js";
-import { UNITS } from "../words/words.js";
+import { symbolOf } from "../quantities/explain.js";
+import { digits, WORDS } from "../quantities/units.js";
+import { UNITS } from "../quantities/words.js";
 import { symbolAt, unitAt, wordsOf } from "./names.js";
 
 /** Colours of the tests, in turn. */

@@ -1,10 +1,10 @@
 // The form of a fit: the scenario of a run, measured sets with their noise, and the numbers to estimate.
 
 import { debounced, fill, h, select } from "../page/dom.js";
-import { fieldText, kindAt, printed } from "../words/kinds.js";
-import { valueAt } from "../words/pointer.js";
-import { understand } from "../words/typed.js";
-import { duration } from "../words/units.js";
+import { fieldText, kindAt, printed } from "../quantities/kinds.js";
+import { valueAt } from "../quantities/pointer.js";
+import { understand } from "../quantities/typed.js";
+import { duration } from "../quantities/units.js";
 import { idempotencyKey, post, Problem } from "../access/api.js";
 import { entryOf, sourceTag, title } from "../library/summary.js";
 import { pointsOf } from "../measure/model.js";

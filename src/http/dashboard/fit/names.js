@@ -1,7 +1,7 @@
 // Names, symbols and units of the numbers that fits estimate.
 
-import { italics } from "../words/explain.js";
-import { inputWords } from "../words/units.js";
+import { italics } from "../quantities/explain.js";
+import { inputWords } from "../quantities/units.js";
 
 /** Numbers that tests often leave unknown. */
 export const KNOWN = ["/wear/coefficient", "/wear/energy_coefficient", "/friction", "/motion/amplitude", "/load/normal_force", "/profile/radius"];

@@ -1,10 +1,10 @@
 // The result of a fit: what the data do not determine, the estimates, and the figures that show whether the law holds.
 
 import { asJson, fill, h, list, tableOf } from "../page/dom.js";
-import { inputRows } from "../words/input-rows.js";
-import { valueAt } from "../words/pointer.js";
-import { axisUnit, withUnit } from "../words/scaling.js";
-import { cycles, digits, quantity, squaredOf, together, WORDS } from "../words/units.js";
+import { inputRows } from "../quantities/input-rows.js";
+import { valueAt } from "../quantities/pointer.js";
+import { axisUnit, withUnit } from "../quantities/scaling.js";
+import { cycles, digits, quantity, squaredOf, together, WORDS } from "../quantities/units.js";
 import { may } from "../access/allowed.js";
 import { get, idempotencyKey, post, resultAddress } from "../access/api.js";
 import { Figure } from "../figure/figure.js";

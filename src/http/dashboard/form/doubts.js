@@ -1,8 +1,8 @@
 // Questions about sizes that no contact has, and about separators. The form keeps no run before they are answered.
 
 import { fill, h } from "../page/dom.js";
-import { fieldText, pretty, printed } from "../words/kinds.js";
-import { valueAt } from "../words/pointer.js";
+import { fieldText, pretty, printed } from "../quantities/kinds.js";
+import { valueAt } from "../quantities/pointer.js";
 import { visit } from "../run/warnings.js";
 
 /** The values that the user has confirmed, with the pointers of their fields, until the page is loaded again. */

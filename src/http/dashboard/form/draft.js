@@ -1,7 +1,7 @@
 // A run that takes too long for an evaluation: it is computed as a job by itself, and its curves appear while it runs.
 
 import { debounced } from "../page/dom.js";
-import { digits } from "../words/units.js";
+import { digits } from "../quantities/units.js";
 import { events, get, idempotencyKey, jobAddress, post, Problem, resultAddress } from "../access/api.js";
 import { DRAFT } from "../library/summary.js";
 import { timeOf } from "../run/estimate.js";

@@ -1,8 +1,8 @@
 // Which editor belongs to which option of the form: measured profiles, blocks, records and tables of coefficients.
 
 import { h, select } from "../page/dom.js";
-import { valueAt } from "../words/pointer.js";
-import { isExample } from "./fields.js";
+import { valueAt } from "../quantities/pointer.js";
+import { isExample } from "./field-list.js";
 import { rowsEditor } from "./rows.js";
 import { TraceEditor } from "./trace-editor.js";
 

@@ -1,9 +1,9 @@
 // The faults that the server finds in a scenario, at the fields of the form.
 
 import { h } from "../page/dom.js";
-import { fieldText, pretty } from "../words/kinds.js";
-import { valueAt } from "../words/pointer.js";
-import { quantity } from "../words/units.js";
+import { fieldText, pretty } from "../quantities/kinds.js";
+import { valueAt } from "../quantities/pointer.js";
+import { quantity } from "../quantities/units.js";
 import { formPointer } from "../study/vary.js";
 import { visit } from "../run/warnings.js";
 import { repairs, tableFault } from "./repair.js";

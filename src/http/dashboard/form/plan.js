@@ -1,10 +1,10 @@
 // The parts of the form that belong to a study: the range of a number that varies, and the card that says what is computed.
 
 import { explained, fill, h, notify, select } from "../page/dom.js";
-import { kindAt, printed } from "../words/kinds.js";
-import { understand } from "../words/typed.js";
-import { cycles, isLine, plainWords, WORDS } from "../words/units.js";
-import { OUTPUTS as ALL } from "../words/words.js";
+import { kindAt, printed } from "../quantities/kinds.js";
+import { understand } from "../quantities/typed.js";
+import { cycles, isLine, plainWords, WORDS } from "../quantities/units.js";
+import { OUTPUTS as ALL } from "../quantities/words.js";
 import { may } from "../access/allowed.js";
 import { post } from "../access/api.js";
 import { choose, distribute, distributionOf, DISTRIBUTIONS, factorsOf, isDrawn, isPossible, OFFERS, runsOf, suggested, varied, varyAll } from "../study/vary.js";

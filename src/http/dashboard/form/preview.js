@@ -1,7 +1,7 @@
 // The result beside the form, drawn from each evaluation: numbers with their errors, profiles, histories, loop and section.
 
 import { fill, h } from "../page/dom.js";
-import { cycles } from "../words/units.js";
+import { cycles } from "../quantities/units.js";
 import { Cursors, Figure } from "../figure/figure.js";
 import { playButton } from "../figure/player.js";
 import { drawHistory, drawLoop, drawProfile, nearest } from "../figure/run.js";

@@ -1,8 +1,8 @@
 // Faults of a measured profile in the words of the page, and buttons that smooth it or cut it off.
 
 import { h } from "../page/dom.js";
-import { pretty } from "../words/kinds.js";
-import { quantity } from "../words/units.js";
+import { pretty } from "../quantities/kinds.js";
+import { quantity } from "../quantities/units.js";
 import { worded } from "../run/warnings.js";
 
 /** Half of the width over which a press smooths the heights, as a share of the outermost radius. */

@@ -2,10 +2,10 @@
 
 import { fill, h } from "../page/dom.js";
 import { takeDropped } from "../page/dropped.js";
-import { kindAt } from "../words/kinds.js";
-import { understand } from "../words/typed.js";
+import { kindAt } from "../quantities/kinds.js";
+import { understand } from "../quantities/typed.js";
 import { readFile } from "../measure/file.js";
-import { idOf } from "./inputs.js";
+import { idOf } from "./field.js";
 
 /** Maximum number of rows that are shown at first. */
 const MAX_SHOWN = 30;

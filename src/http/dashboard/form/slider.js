@@ -1,9 +1,9 @@
 // The slider of a number. It covers the usual values of a plain number, and a decade on both sides of a quantity.
 
 import { debounced, h } from "../page/dom.js";
-import { kindAt } from "../words/kinds.js";
-import { limitsOf } from "../words/limits.js";
-import { readNumber } from "../words/typed.js";
+import { kindAt } from "../quantities/kinds.js";
+import { limitsOf } from "../quantities/limits.js";
+import { readNumber } from "../quantities/typed.js";
 
 const STEPS = 400;
 /** After this time without typing, the range follows what was typed. */

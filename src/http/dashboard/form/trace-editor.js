@@ -2,8 +2,8 @@
 
 import { fill, h, select } from "../page/dom.js";
 import { takeDropped } from "../page/dropped.js";
-import { LENGTHS } from "../words/kinds.js";
-import { quantity } from "../words/units.js";
+import { LENGTHS } from "../quantities/kinds.js";
+import { quantity } from "../quantities/units.js";
 import { faultOf, readFile } from "../measure/file.js";
 import { profileOf, radiusOf } from "./trace.js";
 

@@ -1,8 +1,8 @@
 // The columns of the library: heading, order and cell of each.
 
 import { capital, dateTime, h, svg } from "../page/dom.js";
-import { cycles, WORDS } from "../words/units.js";
-import { KINDS } from "../words/words.js";
+import { cycles, WORDS } from "../quantities/units.js";
+import { KINDS } from "../quantities/words.js";
 import { isDraft, sourceOf, subtitle, title } from "./summary.js";
 
 /** What a result is called: its label, or what it computes. */

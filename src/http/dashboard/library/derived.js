@@ -1,7 +1,7 @@
 // Says which run a run was edited from, and what differs, or which run a fit was made of.
 
 import { fill, h } from "../page/dom.js";
-import { inputRows } from "../words/input-rows.js";
+import { inputRows } from "../quantities/input-rows.js";
 import { Problem } from "../access/api.js";
 import { jobsOf, loadResult } from "./stored.js";
 import { entryOf, kindOf, labelOf, title } from "./summary.js";

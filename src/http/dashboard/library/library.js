@@ -2,8 +2,8 @@
 
 import { keepState } from "../page/address.js";
 import { capital, debounced, fill, h, notify, select } from "../page/dom.js";
-import { cycles, WORDS } from "../words/units.js";
-import { KINDS, SEARCHED } from "../words/words.js";
+import { cycles, WORDS } from "../quantities/units.js";
+import { KINDS, SEARCHED } from "../quantities/words.js";
 import { may } from "../access/allowed.js";
 import { get } from "../access/api.js";
 import { errorCard } from "../access/error.js";

@@ -1,7 +1,7 @@
 // The title and the subtitle that describe a result: shape, load, motion, method.
 
-import { digits, placeOf, quantity, WORDS } from "../words/units.js";
-import { KINDS } from "../words/words.js";
+import { digits, placeOf, quantity, WORDS } from "../quantities/units.js";
+import { KINDS } from "../quantities/words.js";
 import { get, jobAddress } from "../access/api.js";
 
 const MOTIONS = { amplitude: "constant amplitude", sliding: "constant sliding amplitude", aperture: "constant aperture", tangential_force: "constant tangential force", rig: "compliant rig",

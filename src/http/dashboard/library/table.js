@@ -1,7 +1,7 @@
 // The table of the library. The server sorts. Pages are loaded while the user scrolls, and only those in view are drawn.
 
 import { fill, h } from "../page/dom.js";
-import { columnOf } from "../words/scaling.js";
+import { columnOf } from "../quantities/scaling.js";
 import { get } from "../access/api.js";
 import { COLUMNS, isRun, nameOfEntry } from "./columns.js";
 import { Thumbnails } from "./thumbnails.js";

@@ -2,8 +2,8 @@
 
 import { capital, debounced, fill, h, openDialog, select } from "../page/dom.js";
 import { takeDropped } from "../page/dropped.js";
-import { readNumber } from "../words/typed.js";
-import { digits, quantity, WORDS } from "../words/units.js";
+import { readNumber } from "../quantities/typed.js";
+import { digits, quantity, WORDS } from "../quantities/units.js";
 import { caller } from "../access/sign-in.js";
 import { spread } from "../figure/curves.js";
 import { faultOf, readFile } from "./file.js";

@@ -1,8 +1,8 @@
 // The wear volume over the dissipated energy: its slope is the energy wear coefficient.
 
 import { fill, h } from "../page/dom.js";
-import { symbolOf } from "../words/explain.js";
-import { quantity, squaredOf, together, WORDS } from "../words/units.js";
+import { symbolOf } from "../quantities/explain.js";
+import { quantity, squaredOf, together, WORDS } from "../quantities/units.js";
 import { Figure } from "../figure/figure.js";
 import { throughOrigin } from "./model.js";
 

@@ -1,6 +1,6 @@
 // What a run predicts for measured sets, the differences, and whether a set agrees.
 
-import { UNITS } from "../words/words.js";
+import { UNITS } from "../quantities/words.js";
 import { post, Problem } from "../access/api.js";
 import { interpolate } from "../figure/curves.js";
 

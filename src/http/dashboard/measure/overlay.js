@@ -1,6 +1,6 @@
 // Measured sets as curves for the figures of a run.
 
-import { cycles } from "../words/units.js";
+import { cycles } from "../quantities/units.js";
 import { interpolate } from "../figure/curves.js";
 import { HISTORIES } from "../figure/run.js";
 import { pointsOf } from "./model.js";

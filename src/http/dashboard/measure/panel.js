@@ -1,9 +1,9 @@
 // The panel of measurements: the sets with their verdicts, their differences from the run, and wear over energy.
 
 import { fill, h, tableOf } from "../page/dom.js";
-import { symbolOf } from "../words/explain.js";
-import { axisUnit, spaced, withUnit } from "../words/scaling.js";
-import { cycles, digits, quantity, WORDS } from "../words/units.js";
+import { symbolOf } from "../quantities/explain.js";
+import { axisUnit, spaced, withUnit } from "../quantities/scaling.js";
+import { cycles, digits, quantity, WORDS } from "../quantities/units.js";
 import { get, resultAddress } from "../access/api.js";
 import { Figure } from "../figure/figure.js";
 import { sampleOf } from "../figure/reader.js";

@@ -1,7 +1,7 @@
 // The measured sets of this tab. Each belongs to the runs that it is shown with.
 
 import { notify } from "../page/dom.js";
-import { cycles, WORDS } from "../words/units.js";
+import { cycles, WORDS } from "../quantities/units.js";
 import { FORM, KEPT } from "./kept.js";
 
 /**

@@ -1,7 +1,7 @@
 // The picture of a measured trace: its scar has two handles, and a list says what was removed and added.
 
 import { fill, h, list, svg } from "../page/dom.js";
-import { digits, quantity } from "../words/units.js";
+import { digits, quantity } from "../quantities/units.js";
 import { spread } from "../figure/curves.js";
 
 const [WIDTH, HEIGHT, MARGIN] = [640, 160, 14];

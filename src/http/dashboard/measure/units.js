@@ -1,6 +1,6 @@
 // The units of measured columns: what the file states, and what the reader can choose.
 
-import { factorIn, LENGTHS, printed } from "../words/kinds.js";
+import { factorIn, LENGTHS, printed } from "../quantities/kinds.js";
 
 const { um, mm, nm, m } = LENGTHS;
 /** The units that are offered for each SI unit, the usual one first. */

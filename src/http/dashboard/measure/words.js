@@ -1,7 +1,7 @@
 // Whether a measured set agrees with a run, in a sentence with numbers.
 
 import { h } from "../page/dom.js";
-import { cycles, percent, quantity } from "../words/units.js";
+import { cycles, percent, quantity } from "../quantities/units.js";
 import { unitOf } from "./model.js";
 
 /** Smaller differences are none to a reader. */

@@ -29,7 +29,7 @@ export const [drawActions, drawSource, linkEnd, sharing, createLink, editLink] =
 
 export const may = () => false;
 
-// In place of words/system.js: a served report may not read what the page keeps.
+// In place of quantities/system.js: a served report may not read what the page keeps.
 
 let isOwn = isSi;
 export const si = () => isOwn;

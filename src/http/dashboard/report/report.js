@@ -1,7 +1,7 @@
 // A report: draws what the file contains with the views of the page. Without scripts, the file shows inputs and numbers as HTML.
 
 import { choice, fill, select } from "../page/dom.js";
-import { si, useSi } from "../words/units.js";
+import { si, useSi } from "../quantities/units.js";
 import { showResult } from "../run/result.js";
 import { showCompare } from "../compare/compare.js";
 import { shown } from "./offline.js";

@@ -1,9 +1,9 @@
 // The cards below the plots of a result: scales, accuracy, events, comparison, bodies and scenario.
 
 import { asJson, explained, h, list, tableOf } from "../page/dom.js";
-import { term } from "../words/explain.js";
-import { inputRows } from "../words/input-rows.js";
-import { cycles, digits, percent, quantity, WORDS } from "../words/units.js";
+import { term } from "../quantities/explain.js";
+import { inputRows } from "../quantities/input-rows.js";
+import { cycles, digits, percent, quantity, WORDS } from "../quantities/units.js";
 import { depthOrForce, NEEDS_REFERENCE } from "./estimate.js";
 import { sketch } from "./sketch.js";
 import { drawWarnings, isAtNumber } from "./warnings.js";

@@ -1,7 +1,7 @@
 // What the server can say about a scenario before it is run.
 
 import { fill, h, list } from "../page/dom.js";
-import { cycles, digits, duration, isLine, quantity, wordOf, WORDS } from "../words/units.js";
+import { cycles, digits, duration, isLine, quantity, wordOf, WORDS } from "../quantities/units.js";
 import { sketch } from "./sketch.js";
 import { drawWarnings } from "./warnings.js";
 

@@ -1,8 +1,8 @@
 // The numbers of a run at one output cycle: the wear first, with its errors beside it and its warnings below it.
 
 import { explained, fill, h } from "../page/dom.js";
-import { term, withMeaning } from "../words/explain.js";
-import { cycles, percent, quantity, wordOf, WORDS } from "../words/units.js";
+import { term, withMeaning } from "../quantities/explain.js";
+import { cycles, percent, quantity, wordOf, WORDS } from "../quantities/units.js";
 import { drawWarning, fieldAt, numberOf, visit } from "./warnings.js";
 
 const FIRST = ["wear_depth", "wear_volume"];

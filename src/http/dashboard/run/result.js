@@ -2,7 +2,7 @@
 
 import { keepState } from "../page/address.js";
 import { choice, fill, h, select } from "../page/dom.js";
-import { cycles, WORDS } from "../words/units.js";
+import { cycles, WORDS } from "../quantities/units.js";
 import { get, jobAddress } from "../access/api.js";
 import { Cursors, Figure } from "../figure/figure.js";
 import { playButton } from "../figure/player.js";

@@ -1,7 +1,7 @@
 // One job, followed until it has a result.
 
 import { button, dateTime, debounced, fill, h, list, notify } from "../page/dom.js";
-import { cycles, duration } from "../words/units.js";
+import { cycles, duration } from "../quantities/units.js";
 import { may } from "../access/allowed.js";
 import { events, get, jobAddress, post } from "../access/api.js";
 import { errorCard } from "../access/error.js";

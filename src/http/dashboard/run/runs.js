@@ -2,7 +2,7 @@
 
 import { keepState } from "../page/address.js";
 import { button, capital, choice, dateTime, debounced, h, notify, select } from "../page/dom.js";
-import { columnOf } from "../words/scaling.js";
+import { columnOf } from "../quantities/scaling.js";
 import { may } from "../access/allowed.js";
 import { get, jobAddress, post, send } from "../access/api.js";
 import { saveAs } from "../figure/save.js";

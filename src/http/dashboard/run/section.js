@@ -1,7 +1,7 @@
 // A section of the scar: both bodies at one output cycle, true to scale or with exaggerated heights.
 
 import { choice, h, select, svg } from "../page/dom.js";
-import { isLine, quantity } from "../words/units.js";
+import { isLine, quantity } from "../quantities/units.js";
 import { standalone, saving } from "../figure/save.js";
 
 /** Width and height in px, and the margin. */

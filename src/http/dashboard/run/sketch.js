@@ -1,7 +1,7 @@
 // Cross-section of the unworn contact: indenter, stick zone and slip zone.
 
 import { h, svg } from "../page/dom.js";
-import { isLine, quantity } from "../words/units.js";
+import { isLine, quantity } from "../quantities/units.js";
 
 const [WIDTH, HEIGHT, SURFACE] = [360, 150, 96];
 

@@ -2,8 +2,8 @@
 
 import { csvOf } from "../page/csv.js";
 import { h } from "../page/dom.js";
-import { symbolOf } from "../words/explain.js";
-import { WORDS } from "../words/units.js";
+import { symbolOf } from "../quantities/explain.js";
+import { WORDS } from "../quantities/units.js";
 import { get } from "../access/api.js";
 import { Cursors, Figure } from "../figure/figure.js";
 import { saveAs } from "../figure/save.js";

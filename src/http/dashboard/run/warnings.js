@@ -1,7 +1,7 @@
 // The warnings of a run: which number each concerns, and which field of the form changes it.
 
 import { explained, h } from "../page/dom.js";
-import { cycles, quantity } from "../words/units.js";
+import { cycles, quantity } from "../quantities/units.js";
 
 /** For each kind of warning, the number that it concerns and the fields that can change. Other kinds stand in the cards below. */
 const KINDS = {

@@ -1,8 +1,8 @@
 // Bars: the findings about each number of a sensitivity study, and the histogram of an output.
 
 import { svg } from "../page/dom.js";
-import { digits, quantity, withUnit } from "../words/scaling.js";
-import { endsOf, LINE, onDrawing, planOf, px, text } from "./axes.js";
+import { digits, quantity, withUnit } from "../quantities/scaling.js";
+import { endsOf, LINE, onDrawing, planOf, px, text } from "./plan.js";
 
 /** Height of a bar, and distances between bars and between groups of bars, in px. */
 const [BAR, SPACE, GAP] = [14, 3, 14];

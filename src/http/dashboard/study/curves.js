@@ -1,8 +1,8 @@
 // The curves of a study: an output over one number, with a curve for each value of a second one.
 
-import { quantity } from "../words/scaling.js";
+import { quantity } from "../quantities/scaling.js";
 import { spread } from "../figure/curves.js";
-import { distinct, isGeometric } from "./axes.js";
+import { distinct, isGeometric } from "./plan.js";
 import { inner } from "./words.js";
 
 /** The colours of the curves: grey comes last. There are as many curves at most. */

@@ -1,10 +1,10 @@
 // The figure of a study, which the page draws from the table: curves, a scatter plot, a plane with colours, regimes or bars.
 
 import { choice, h, select } from "../page/dom.js";
-import { valueAt } from "../words/pointer.js";
-import { quantity } from "../words/scaling.js";
+import { valueAt } from "../quantities/pointer.js";
+import { quantity } from "../quantities/scaling.js";
 import { Figure } from "../figure/figure.js";
-import { distinct } from "./axes.js";
+import { distinct } from "./plan.js";
 import { tornado } from "./bars.js";
 import { Chart } from "./chart.js";
 import { curvesOf } from "./curves.js";

@@ -1,10 +1,10 @@
 // A plane of two numbers: colours and contour lines of an output, or the regimes of a fretting map, with points on it.
 
 import { svg } from "../page/dom.js";
-import { withUnit } from "../words/scaling.js";
+import { withUnit } from "../quantities/scaling.js";
 import { placeAxis } from "../figure/axis.js";
 import { widthOf } from "../figure/labels.js";
-import { distinct, isGeometric, isWide, onDrawing, planOf, px, text } from "./axes.js";
+import { distinct, isGeometric, isWide, onDrawing, planOf, px, text } from "./plan.js";
 import { contours } from "./contours.js";
 import { inner } from "./words.js";
 

@@ -1,8 +1,8 @@
 // Measured points on a fretting map: the user types or pastes them, and the address keeps them.
 
 import { debounced, h } from "../page/dom.js";
-import { factorIn, kindAt, printed } from "../words/kinds.js";
-import { readNumber } from "../words/typed.js";
+import { factorIn, kindAt, printed } from "../quantities/kinds.js";
+import { readNumber } from "../quantities/typed.js";
 
 /** A number in SI, typed with or without a unit; undefined if it is none. */
 function inSi(text, pointer, scenario) {

@@ -1,7 +1,7 @@
 // Opens the run of a row of a study: it is submitted with the numbers of the row, or found if it is stored.
 
 import { notify } from "../page/dom.js";
-import { setValueAt } from "../words/pointer.js";
+import { setValueAt } from "../quantities/pointer.js";
 import { idempotencyKey, post } from "../access/api.js";
 import { pointWords } from "./words.js";
 

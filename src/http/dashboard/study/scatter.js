@@ -1,7 +1,7 @@
 // A scatter plot: a dot for each point of a random sample, and the median in bins.
 
 import { svg } from "../page/dom.js";
-import { distinct, endsOf, isGeometric, isWide, planOf, px } from "./axes.js";
+import { distinct, endsOf, isGeometric, isWide, planOf, px } from "./plan.js";
 import { inner } from "./words.js";
 
 /** Minimum number of points in a bin, and maximum number of bins. */

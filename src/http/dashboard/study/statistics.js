@@ -1,9 +1,9 @@
 // The distribution of each output over all points: in which range most points lie, a histogram, and a table.
 
 import { choice, h, select, tableOf } from "../page/dom.js";
-import { italics } from "../words/explain.js";
-import { axisUnit, columnOf, digits, withUnit } from "../words/scaling.js";
-import { cycles } from "../words/units.js";
+import { italics } from "../quantities/explain.js";
+import { axisUnit, columnOf, digits, withUnit } from "../quantities/scaling.js";
+import { cycles } from "../quantities/units.js";
 import { get } from "../access/api.js";
 import { histogram } from "./bars.js";
 import { Chart } from "./chart.js";

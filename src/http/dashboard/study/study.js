@@ -2,8 +2,8 @@
 
 import { keepState } from "../page/address.js";
 import { asJson, explained, fill, h } from "../page/dom.js";
-import { cycles } from "../words/units.js";
-import { KINDS } from "../words/words.js";
+import { cycles } from "../quantities/units.js";
+import { KINDS } from "../quantities/words.js";
 import { may } from "../access/allowed.js";
 import { get, resultAddress } from "../access/api.js";
 import { drawActions } from "../library/actions.js";

@@ -1,11 +1,11 @@
 // The table of a study: headings in words, which sort the rows, and a button that opens the run of a row.
 
 import { h } from "../page/dom.js";
-import { italics } from "../words/explain.js";
-import { axisUnit, digits, withUnit } from "../words/scaling.js";
-import { cycles, WORDS } from "../words/units.js";
+import { italics } from "../quantities/explain.js";
+import { axisUnit, digits, withUnit } from "../quantities/scaling.js";
+import { cycles, WORDS } from "../quantities/units.js";
 import { extent } from "../figure/curves.js";
-import { distinct, isGeometric, isWide } from "./axes.js";
+import { distinct, isGeometric, isWide } from "./plan.js";
 
 /** The size by which the unit of a column is chosen, as for an axis: the largest value, or the middle of a logarithmic axis. */
 function sizeIn(values, isMember) {

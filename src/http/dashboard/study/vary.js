@@ -4,11 +4,11 @@
 // `{from, to, unit, count, spacing}` for the pointer of each number that varies. In a random sample, it can have another
 // `distribution` than that of its spacing, and the parameters of that. All values are texts, as the user typed them. `profiles` comes from a stored sweep; the form has no fields for it.
 
-import { fieldText } from "../words/kinds.js";
-import { limitsOf } from "../words/limits.js";
-import { valueAt } from "../words/pointer.js";
-import { readNumber } from "../words/typed.js";
-import { KINDS } from "../words/words.js";
+import { fieldText } from "../quantities/kinds.js";
+import { limitsOf } from "../quantities/limits.js";
+import { valueAt } from "../quantities/pointer.js";
+import { readNumber } from "../quantities/typed.js";
+import { KINDS } from "../quantities/words.js";
 import { kindOf } from "../library/summary.js";
 
 /** What the form can compute from numbers that vary, by the id of the choice. */

@@ -1,7 +1,7 @@
 // What a study says about each output, in sentences with numbers: which number matters, or where the output is greatest.
 
 import { h } from "../page/dom.js";
-import { digits, percent, quantity } from "../words/units.js";
+import { digits, percent, quantity } from "../quantities/units.js";
 import { inner, variedWords } from "./words.js";
 
 /** Numbers that cause less than this share of the variance, or of the strongest effect, have no visible effect. */

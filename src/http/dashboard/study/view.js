@@ -1,8 +1,8 @@
 // A study as its page shows it: its columns with their words and units, and the values of its points.
 
-import { quantity, withUnit } from "../words/scaling.js";
-import { plainWords, WORDS } from "../words/units.js";
-import { KINDS } from "../words/words.js";
+import { quantity, withUnit } from "../quantities/scaling.js";
+import { plainWords, WORDS } from "../quantities/units.js";
+import { KINDS } from "../quantities/words.js";
 import { columnWords } from "./words.js";
 
 /** Number of rows that the page shows. Downloads have all. */

@@ -1,8 +1,8 @@
 // The columns of a study in words: outputs, and the numbers that vary.
 
-import { quantity } from "../words/scaling.js";
-import { cycles, inputWords, wordOf } from "../words/units.js";
-import { EVENTS, SECTIONS, SPECIAL, SYMBOLS } from "../words/words.js";
+import { quantity } from "../quantities/scaling.js";
+import { cycles, inputWords, wordOf } from "../quantities/units.js";
+import { EVENTS, SECTIONS, SPECIAL, SYMBOLS } from "../quantities/words.js";
 
 /** Words inside a sentence. Names of persons and numbered parts keep their capital. */
 export const inner = (words) => (/^(Young|Poisson|Archard|Body|Block)/.test(words) ? words : words[0].toLowerCase() + words.slice(1));

@@ -2,7 +2,7 @@
 
 use crate::contact::control::Control;
 use crate::contact::unworn::Contact;
-use crate::request::fields::Xi;
+use crate::input::fields::Xi;
 
 /// The parameter ξ that the paper uses in its examples.
 pub const PAPER_XI: f64 = 0.8;

@@ -3,9 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use deserr::Deserr;
+use fretwork_engine::input::fault::{Faults, Valid, unknown};
+use fretwork_engine::input::fields::{Given, List};
 use fretwork_engine::numeric::twelve_digits;
-use fretwork_engine::request::fault::{Faults, Valid, unknown};
-use fretwork_engine::request::fields::{Given, List};
 use serde_json::{Value, json};
 
 use super::model::{MeasuredQuantity, Parameter, Set};

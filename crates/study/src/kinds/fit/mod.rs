@@ -15,8 +15,8 @@ mod sets;
 mod told;
 
 use deserr::Deserr;
-use fretwork_engine::request::fault::{Faults, Valid};
-use fretwork_engine::request::fields::{Given, List};
+use fretwork_engine::input::fault::{Faults, Valid};
+use fretwork_engine::input::fields::{Given, List};
 use serde_json::{Value, json};
 
 use self::data::GivenTest;

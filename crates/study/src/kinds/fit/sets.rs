@@ -1,11 +1,11 @@
 //! Reads a set of measured numbers, and their noise.
 
 use deserr::Deserr;
+use fretwork_engine::input::fault::{Faults, Valid, unknown};
+use fretwork_engine::input::fields::Given;
+use fretwork_engine::input::quantity::Dimension;
 use fretwork_engine::numeric::twelve_digits;
 use fretwork_engine::outcome::{self, History};
-use fretwork_engine::request::fault::{Faults, Valid, unknown};
-use fretwork_engine::request::fields::Given;
-use fretwork_engine::request::quantity::Dimension;
 use serde_json::{Map, Value, json};
 
 use super::model::{MeasuredQuantity, Set};

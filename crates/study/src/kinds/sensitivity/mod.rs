@@ -13,8 +13,8 @@ mod findings;
 
 use deserr::Deserr;
 use fretwork_engine::case::{Case, Method as RunMethod};
-use fretwork_engine::request::fault::{Faults, Valid};
-use fretwork_engine::request::fields::Given;
+use fretwork_engine::input::fault::{Faults, Valid};
+use fretwork_engine::input::fields::Given;
 use serde::Serialize;
 use serde_json::{Value, json};
 

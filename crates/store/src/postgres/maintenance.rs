@@ -3,13 +3,11 @@
 use std::time::{Duration, Instant};
 
 use super::Database;
+use super::eviction::make_room;
 use super::transaction::{Transaction, reading};
-use crate::database::{
-    Columns, Connected, Effect, Lock, Options, Result, Statement, Tables, Verb, sql,
-};
+use crate::database::{Connected, Options, Result, Statement, Verb, sql};
 use crate::jobs::ages::AgeClock;
-use crate::jobs::upkeep;
-use crate::results::keep;
+use crate::jobs::maintenance;
 use fretwork_job::Key;
 
 /// Maximum time between two cleanings, and between two sums of the sizes of all results.
@@ -21,8 +19,6 @@ const REST: u32 = 50;
 const JOBS: i64 = 100;
 /// Maximum number of chunks that one transaction deletes. Each has tens of kilobytes.
 const CHUNKS: i64 = 100;
-/// Maximum number of results that one transaction evicts.
-const RESULTS: i64 = 256;
 /// Maximum number of transactions of each kind in one round. The times at which results were read are stored between
 /// rounds.
 const AT_ONCE: usize = 50;
@@ -36,7 +32,7 @@ const SPILL: &str = "
     ) AS sorted";
 
 /// The state of the maintenance of one server.
-pub(super) struct Upkeep {
+pub(super) struct Maintenance {
     keep_jobs: Option<Duration>,
     budget: Option<u64>,
     /// `None` before the first round.
@@ -65,7 +61,7 @@ where
     Ok(true)
 }
 
-impl Upkeep {
+impl Maintenance {
     pub(super) fn new(options: &Options) -> Self {
         let Options { keep_jobs, budget, .. } = *options;
         let now = Instant::now();
@@ -164,19 +160,13 @@ fn rest(budget: Option<u64>, took: Duration) -> Duration {
     budget.map_or(OFTEN, |_| OFTEN.min(REST * took))
 }
 
-/// Whether no other server does maintenance until the end of the transaction.
-async fn is_alone(tx: &mut Transaction<'_>) -> Result<bool> {
-    let query = sqlx::query_scalar("SELECT pg_try_advisory_xact_lock($1)");
-    Ok(query.bind(Lock::Upkeep as i64).fetch_one(tx.db.connection()).await?)
-}
-
 /// Lets PostgreSQL analyze the tables after they have doubled. By itself, it does so only after a minute, and until then
 /// it plans statements as for nearly empty tables.
 async fn analyze((): &(), tx: &mut Transaction<'_>) -> Result<()> {
     let query = sqlx::query_scalar(
         "SELECT pg_stat_get_mod_since_analyze(oid) > greatest(1000, reltuples) FROM pg_class WHERE oid = 'job'::REGCLASS",
     );
-    if query.fetch_one(tx.db.connection()).await? && is_alone(tx).await? {
+    if query.fetch_one(tx.db.connection()).await? && tx.maintains_alone().await? {
         // Otherwise PostgreSQL warns of each table that it analyzes already, and skips.
         tx.db.execute(sql!("SET LOCAL client_min_messages = error")).await?;
         let tables =
@@ -220,7 +210,7 @@ async fn write_reads(reads: &Vec<(Key, i64)>, tx: &mut Transaction<'_>) -> Resul
 
 /// Deletes jobs that ended before this time, the oldest first, and runs without jobs.
 async fn delete_old(before: &i64, tx: &mut Transaction<'_>) -> Result<Option<bool>> {
-    if !is_alone(tx).await? {
+    if !tx.maintains_alone().await? {
         return Ok(None);
     }
     // A job id begins with the time in milliseconds, so the primary key finds the oldest jobs.
@@ -268,10 +258,10 @@ async fn delete_jobs(tx: &mut Transaction<'_>, ids: &[Vec<u8>]) -> Result<()> {
 
 /// Deletes some chunks of a study that has ended. Returns whether there may be more.
 async fn delete_chunks((): &(), tx: &mut Transaction<'_>) -> Result<Option<bool>> {
-    if !is_alone(tx).await? {
+    if !tx.maintains_alone().await? {
         return Ok(None);
     }
-    upkeep::delete_chunks(&CHUNKS, tx.into()).await.map(Some)
+    maintenance::delete_chunks(&CHUNKS, tx.into()).await.map(Some)
 }
 
 /// Deletes the scenarios of results that were evicted more than a year before this time and have no jobs, and the oldest
@@ -279,43 +269,7 @@ async fn delete_chunks((): &(), tx: &mut Transaction<'_>) -> Result<Option<bool>
 async fn forget(time: &i64, tx: &mut Transaction<'_>) -> Result<()> {
     let query = sql!("DELETE FROM audit WHERE id <= (SELECT max(id) FROM audit) - $1"; ENTRIES);
     tx.db.execute(query).await?;
-    upkeep::forget_evicted(time, tx.into()).await
-}
-
-/// Evicts some results if the sum of their sizes exceeds the budget. Returns that sum, the number of evicted bytes, and
-/// the duration of the sum. Returns `None` if another server does maintenance.
-async fn make_room(budget: &i64, tx: &mut Transaction<'_>) -> Result<Option<(i64, i64, Duration)>> {
-    if !is_alone(tx).await? {
-        return Ok(None);
-    }
-    let started = Instant::now();
-    let query = "SELECT coalesce(sum(stored), 0)::BIGINT FROM result WHERE evicted IS NULL";
-    let stored: i64 = sqlx::query_scalar(query).fetch_one(tx.db.connection()).await?;
-    let took = started.elapsed();
-    let excess = stored - budget;
-    let evicted = if excess > 0 { evict_some(tx, excess).await? } else { 0 };
-    Ok(Some((stored, evicted, took)))
-}
-
-/// Evicts up to [`RESULTS`] results, until they have at least this number of bytes. Returns the number of evicted
-/// bytes; 0 if no result can be evicted.
-async fn evict_some(tx: &mut Transaction<'_>, bytes: i64) -> Result<i64> {
-    let query = sql!(
-        "SELECT key, stored FROM result WHERE NOT pinned AND evicted IS NULL
-         ORDER BY last_access LIMIT $1 FOR NO KEY UPDATE SKIP LOCKED";
-        RESULTS
-    );
-    let (oldest, now) = (tx.db.rows(query).await?, tx.now().await?);
-    let mut evicted = 0;
-    for row in &oldest {
-        if evicted >= bytes {
-            break;
-        }
-        keep::evict(row.get("key")?, now, None, &mut tx.db).await?;
-        tx.effects.push(Effect::Evicted);
-        evicted += row.get::<i64>("stored")?;
-    }
-    Ok(evicted)
+    maintenance::forget_evicted(time, tx.into()).await
 }
 
 #[cfg(test)]

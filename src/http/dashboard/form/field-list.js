@@ -1,8 +1,8 @@
 // The fields of the form. Each field edits one value of the scenario, named by its JSON pointer.
 
-import { setValueAt, valueAt } from "../words/pointer.js";
-import { inputAt, inputWords, isLine, plainWords, WORDS } from "../words/units.js";
-import { FORMS } from "../words/words.js";
+import { setValueAt, valueAt } from "../quantities/pointer.js";
+import { inputAt, inputWords, isLine, plainWords, WORDS } from "../quantities/units.js";
+import { FORMS } from "../quantities/words.js";
 
 const LENGTH = ["length", "10 mm"];
 /** The flat of a punch sticks or slips as a whole, so smaller ratios do not exist. */

@@ -1,8 +1,8 @@
 //! Stores results of other servers, which an import has read from a file.
 
 use crate::database::{Change, Columns, Connected, Connection, Result, Tables, sql};
-use crate::results::keep::{Answered, Source};
 use crate::results::library::{Note, Program};
+use crate::results::storing::{Answered, Source};
 use crate::{postgres, sqlite};
 use fretwork_job::{Key, Verified};
 
@@ -81,7 +81,7 @@ pub(crate) enum NoteTaken {
 
 /// Stores a result from the file with this name, if the database does not have it. Stores its note, unless the database
 /// already has a note of the result.
-pub(crate) async fn import(
+pub(crate) async fn store_import(
     (import, file): &(Accepted, String),
     mut tx: Change<'_>,
 ) -> Result<(Before, NoteTaken)> {
@@ -117,10 +117,10 @@ async fn insert(import: &Accepted, file: &str, tx: &mut Change<'_>) -> Result<bo
     let stored = match tx.connection() {
         // No other writer can store it during the transaction.
         Connection::Sqlite(db) => {
-            sqlite::keep::import(answer, db, &source).await?;
+            sqlite::storing::import(answer, db, &source).await?;
             true
         }
-        Connection::Postgres(db) => postgres::keep::store(db, answer, &source, true).await?,
+        Connection::Postgres(db) => postgres::storing::store(db, answer, &source, true).await?,
     };
     if stored {
         let update = sql!(

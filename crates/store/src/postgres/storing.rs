@@ -3,7 +3,7 @@
 use std::sync::LazyLock;
 
 use crate::database::{Connected, Result, Statement, Tables};
-use crate::results::keep::{Answered, COLUMNS, REPLACE, Source, outlined};
+use crate::results::storing::{Answered, COLUMNS, REPLACE, Source, outlined};
 
 /// Stores a result with its body, task and outline, unless the key already has a result. If $1 is true, it replaces an
 /// evicted result. Returns a row if the result was stored.

@@ -4,7 +4,7 @@
 //!
 //! # Examples
 //! ```
-//! use fretwork_engine::request::quantity::{Dimension, parse};
+//! use fretwork_engine::input::quantity::{Dimension, parse};
 //! assert_eq!(parse("10 mm", Dimension::Length), Ok(0.01));
 //! assert_eq!(parse("20 mm³/(N·m)", Dimension::WearCoefficient), Ok(20e-9));
 //! assert!(parse("10 GPa", Dimension::Length).unwrap_err().contains("stress"));

@@ -1,10 +1,10 @@
 // The field of one value of the scenario: it reads what is typed, says how it was read, and asks what is doubtful.
 
 import { h, select } from "../page/dom.js";
-import { kindAt, printed } from "../words/kinds.js";
-import { setValueAt, valueAt } from "../words/pointer.js";
-import { understand, understandList } from "../words/typed.js";
-import { inputWords, plainWords } from "../words/units.js";
+import { kindAt, printed } from "../quantities/kinds.js";
+import { setValueAt, valueAt } from "../quantities/pointer.js";
+import { understand, understandList } from "../quantities/typed.js";
+import { inputWords, plainWords } from "../quantities/units.js";
 import { canVary, suggested } from "../study/vary.js";
 import { drawRange, varyButton } from "./plan.js";
 import { slider } from "./slider.js";

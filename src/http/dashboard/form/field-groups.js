@@ -1,10 +1,10 @@
 // The fields of a scenario, in groups: drop-down lists, numbers, and the numbers of a study that have no field.
 
 import { explained, fill, h, select } from "../page/dom.js";
-import { WORDS } from "../words/units.js";
+import { WORDS } from "../quantities/units.js";
 import { varied } from "../study/vary.js";
-import { choicesOf, chooseOption, labelled, optionsOf } from "./fields.js";
-import { hint, idOf, Inputs } from "./inputs.js";
+import { choicesOf, chooseOption, labelled, optionsOf } from "./field-list.js";
+import { hint, idOf, Inputs } from "./field.js";
 import { drawRange } from "./plan.js";
 
 const group = (name, ...content) => h("fieldset", {}, h("legend", {}, name), content);

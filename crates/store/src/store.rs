@@ -18,9 +18,9 @@ use crate::jobs::claimed::{Claimed, FinishedChunk, Piece};
 use crate::jobs::naming;
 use crate::jobs::read::{self, Asked, Filter, LARGE, Page, StoredResult, Unfinished};
 use crate::jobs::submit::{Admission, NewJob, Submitted};
-use crate::results::keep::{self, Answered, Changed, Editor, Finish, PinQuota, Removed};
 use crate::results::library::{Known, Provenance};
 use crate::results::search::{self, Cursor, Search, SearchPage};
+use crate::results::storing::{self, Answered, Changed, Editor, Finish, PinQuota, Removed};
 use crate::team::audit::{self, Actor, AuditEntry};
 use crate::team::keys::{self, AccessKey, NewKey};
 use crate::team::sessions::{self, SignedIn};
@@ -394,7 +394,7 @@ impl Store {
 
     /// Checks that the disk has space for a submission: writes data of the same size.
     pub fn probe(&self) -> Doing<'_, ()> {
-        change!(self, upkeep::probe, ())
+        change!(self, maintenance::probe, ())
     }
 
     /// Returns the job once it has finished, or in its current state once `until` has completed.
@@ -425,7 +425,7 @@ impl Store {
 
     /// Pins a result, which is then never evicted, or unpins it.
     pub fn pin<'a>(&'a self, key: &'a Key, pinned: bool, editor: Editor) -> Doing<'a, Changed> {
-        Box::pin(self.change(keep::pin, (*key, pinned, editor, self.pin_quota)))
+        Box::pin(self.change(storing::pin, (*key, pinned, editor, self.pin_quota)))
     }
 
     /// Writes the note of a result, or removes it.
@@ -435,12 +435,12 @@ impl Store {
         text: Option<String>,
         editor: Editor,
     ) -> Doing<'a, Changed> {
-        Box::pin(self.change(keep::annotate, (*key, text, editor)))
+        Box::pin(self.change(storing::annotate, (*key, text, editor)))
     }
 
     /// Deletes the body of a result, and keeps its scenario.
     pub fn remove<'a>(&'a self, key: &'a Key, by: Actor) -> Doing<'a, Removed> {
-        Box::pin(self.change(keep::remove, (*key, by)))
+        Box::pin(self.change(storing::remove, (*key, by)))
     }
 
     /// What the database knows about a key.

@@ -7,7 +7,7 @@ use sqlx::SqliteConnection;
 
 use super::outline;
 use crate::database::{Connected, Result, Statement};
-use crate::results::keep::{Answered, COLUMNS, REPLACE, Source};
+use crate::results::storing::{Answered, COLUMNS, REPLACE, Source};
 
 /// Why a result is stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
