@@ -31,6 +31,9 @@
 //! - `queue`: short runs that a worker of two threads takes from the queue in PostgreSQL, computes and stores, compared with
 //!   a bare queue, of which two connections take and finish rows with a statement each (`FOR UPDATE SKIP LOCKED`).
 //!
+//! - `fair`: how long the short runs of an owner take while two workers compute fits, long runs and sweeps of ten other
+//!   owners; with SQLite, and on three nodes with one PostgreSQL. It has no baseline.
+//!
 //! `tests/postgres` starts the database, which syncs each commit.
 //!
 //! Arguments select the measurements: `cargo bench --bench service -- job memory`.
@@ -43,6 +46,7 @@
     reason = "a benchmark prints, and stops at the first error"
 )]
 
+mod fair;
 mod shared;
 
 use std::hint::black_box;
@@ -67,7 +71,7 @@ use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, S
 use tempfile::TempDir;
 use tokio::net::TcpListener;
 
-const MEASUREMENTS: [(&str, fn()); 9] = [
+const MEASUREMENTS: [(&str, fn()); 10] = [
     ("result", results),
     ("job", jobs),
     ("evaluate", evaluations),
@@ -77,6 +81,7 @@ const MEASUREMENTS: [(&str, fn()); 9] = [
     ("front", shared::submissions),
     ("nodes", shared::nodes),
     ("queue", shared::queue),
+    ("fair", fair::fairness),
 ];
 const PROGRAM: &str = env!("CARGO_BIN_EXE_fretwork");
 /// Python with the package `umbridge`, from `tests/clients/install`.

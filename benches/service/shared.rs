@@ -27,13 +27,13 @@ const RUNS: u32 = 4;
 const QUEUED: u32 = 3000;
 
 /// A private PostgreSQL that syncs each commit. It stops when its input is closed.
-struct Cluster {
+pub struct Cluster {
     process: Child,
     address: String,
 }
 
 impl Cluster {
-    fn start() -> Self {
+    pub fn start() -> Self {
         let mut command = Command::new(POSTGRES);
         command.arg("--durable").stdin(Stdio::piped()).stdout(Stdio::piped());
         let mut process = command.spawn().expect("tests/postgres");
@@ -44,7 +44,7 @@ impl Cluster {
     }
 
     /// Creates a database. Returns its address.
-    fn database(&self, name: &str) -> String {
+    pub fn database(&self, name: &str) -> String {
         self.execute(&format!("CREATE DATABASE {name}"));
         self.address.replace("/postgres?", &format!("/{name}?"))
     }

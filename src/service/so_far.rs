@@ -41,6 +41,10 @@ struct WatchedWork {
 }
 
 impl Work for WatchedWork {
+    fn bytes(&self) -> usize {
+        self.work.bytes()
+    }
+
     fn step(&mut self) -> Step {
         let step = self.work.step();
         let waiting = self.watched.0.lock().get_mut(&self.key).map(std::mem::take);

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use fretwork_job::Cost;
 
 /// Measures the processor time of the thread that starts it. Read it on the same thread.
+#[derive(Clone, Copy)]
 pub struct Stopwatch {
     started: Instant,
     cpu: Option<Duration>,

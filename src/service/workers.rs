@@ -4,8 +4,10 @@
 //! The threads read and change the tables only through the store.
 
 mod compute;
+mod parking;
 
 use std::any::Any;
+use std::cell::Cell;
 use std::collections::VecDeque;
 use std::future;
 use std::io;
@@ -25,6 +27,8 @@ use super::WorkLimits;
 use fretwork_job::{Answer, Cost, FailureKind, Key, Work};
 use fretwork_store::{Claimed, Error, Finish, Result, RunId, Store};
 use fretwork_study::Study;
+
+use parking::{PARKED, Parking};
 
 /// A function that prepares the computation of a run from its key and its stored task.
 pub type Compute = Arc<dyn Fn(&Key, &str) -> Result<Box<dyn Work>, String> + Send + Sync>;
@@ -63,6 +67,7 @@ enum WorkerOrder {
 /// A running pool. If it is dropped, the threads release their runs and end. The drop does not wait for them.
 pub struct Workers {
     order: watch::Sender<WorkerOrder>,
+    parking: Arc<Parking>,
     threads: Vec<JoinHandle<()>>,
     /// Carries no messages. It is closed when the last thread has ended.
     alive: mpsc::Receiver<()>,
@@ -71,8 +76,8 @@ pub struct Workers {
 }
 
 impl Workers {
-    /// Starts `count` threads. A run that takes longer than its limit fails. Call this inside a tokio runtime,
-    /// on which the store runs.
+    /// Starts threads, of which `count` compute at the same time. A run that takes longer than its limit fails. Call this
+    /// inside a tokio runtime, on which the store runs.
     ///
     /// # Errors
     ///
@@ -86,7 +91,8 @@ impl Workers {
         let (order, orders) = watch::channel(WorkerOrder::Work);
         let (living, alive) = mpsc::channel(1);
         let (busy, busy_threads) = watch::channel(0);
-        let (studies, assembling) = (Arc::default(), Arc::default());
+        let studies = Arc::default();
+        let parking = Arc::new(Parking::new(count));
         let start = |number| {
             let mut worker = Worker {
                 store: store.clone(),
@@ -95,15 +101,18 @@ impl Workers {
                 orders: orders.clone(),
                 runtime: Handle::current(),
                 studies: Arc::clone(&studies),
-                assembling: Arc::clone(&assembling),
+                parking: Arc::clone(&parking),
+                has_place: Cell::new(false),
+                slice: Cell::new(Instant::now()),
+                parked: Cell::default(),
                 busy: busy.clone(),
                 batch: Mutex::default(),
                 _living: living.clone(),
             };
             thread::Builder::new().name(format!("worker-{number}")).spawn(move || worker.run())
         };
-        let threads = (0..count).map(start).collect::<io::Result<_>>()?;
-        Ok(Self { order, threads, alive, busy: busy_threads })
+        let threads = (0..count + PARKED * count.min(1)).map(start).collect::<io::Result<_>>()?;
+        Ok(Self { order, parking, threads, alive, busy: busy_threads })
     }
 
     /// Waits until no thread has had a run for this time; without a time, forever.
@@ -122,9 +131,9 @@ impl Workers {
     /// Claims no more runs, and waits up to `grace` for the current ones. Then releases them to the queue, and
     /// ends the threads.
     pub async fn drain(mut self, grace: Duration) {
-        self.order.send_replace(WorkerOrder::Finish);
+        self.give(WorkerOrder::Finish);
         if tokio::time::timeout(grace, self.alive.recv()).await.is_err() {
-            self.order.send_replace(WorkerOrder::Abandon);
+            self.give(WorkerOrder::Abandon);
             if tokio::time::timeout(MAX_ABANDON, self.alive.recv()).await.is_err() {
                 tracing::error!("a worker does not stop; its run is recovered at the next start");
                 return;
@@ -136,11 +145,16 @@ impl Workers {
             let _ = thread.join();
         }
     }
+
+    fn give(&self, order: WorkerOrder) {
+        self.order.send_replace(order);
+        self.parking.wake();
+    }
 }
 
 impl Drop for Workers {
     fn drop(&mut self) {
-        self.order.send_replace(WorkerOrder::Abandon);
+        self.give(WorkerOrder::Abandon);
     }
 }
 
@@ -155,8 +169,13 @@ struct Worker {
     orders: watch::Receiver<WorkerOrder>,
     runtime: Handle,
     studies: Arc<Studies>,
-    /// Held while a result is made from chunks, because a large one takes much memory.
-    assembling: Arc<Mutex<()>>,
+    parking: Arc<Parking>,
+    /// Whether this thread may compute.
+    has_place: Cell<bool>,
+    /// Since when the time of the computation is not yet added to the usage of the owner.
+    slice: Cell<Instant>,
+    /// For how long the current piece was parked.
+    parked: Cell<Duration>,
     busy: watch::Sender<usize>,
     batch: Mutex<Batch>,
     _living: mpsc::Sender<()>,
@@ -193,11 +212,22 @@ enum NotMade {
 impl Worker {
     fn run(&mut self) {
         let runtime = self.runtime.clone();
-        while let Some(claimed) = runtime.block_on(self.claim()) {
-            self.busy.send_modify(|count| *count += 1);
+        let usage = |worker: &Self, owner: &str| worker.store.usage(owner);
+        while let Some(mut next) = self
+            .parking
+            .take_place(|owner| usage(self, owner), || self.order() == WorkerOrder::Work)
+        {
+            self.has_place.set(true);
+            if next.is_empty() {
+                self.parking.set_idle(true);
+                let claimed = runtime.block_on(self.claim());
+                self.parking.set_idle(false);
+                next.extend(claimed);
+            }
+            let has_work = usize::from(!next.is_empty());
+            self.busy.send_modify(|count| *count += has_work);
             // Batches of short runs without a pause between them.
             let mut short = 0;
-            let mut next = vec![claimed];
             while !next.is_empty() {
                 let (count, began) = (next.len(), Instant::now());
                 let made = self.compute_all(next, began);
@@ -209,7 +239,10 @@ impl Worker {
                 };
                 next = runtime.block_on(self.settle_and_claim(&made, most_claims(short)));
             }
-            self.busy.send_modify(|count| *count -= 1);
+            self.busy.send_modify(|count| *count -= has_work);
+            if self.has_place.take() {
+                self.parking.give_place(|owner| usage(self, owner));
+            }
         }
     }
 
@@ -223,11 +256,14 @@ impl Worker {
             let outcome = {
                 let _span = span(&claimed).entered();
                 tracing::debug!("started");
+                self.slice.set(Instant::now());
+                self.parked.take();
                 // This is unwind safe: after a panic, nothing that the closure has changed is used.
                 catch_unwind(AssertUnwindSafe(|| self.compute(&claimed))).unwrap_or_else(|panic| {
                     Err(NotMade::Failed(FailureKind::Panicked, message_of(&*panic)))
                 })
             };
+            self.end_slice(&claimed);
             self.batch.lock().made.push((claimed, outcome));
         }
     }
@@ -264,11 +300,13 @@ impl Worker {
 
     /// Stores outcomes and claims the next runs at the same time. Returns no run if none was claimed.
     async fn settle_and_claim(&self, made: &[(Claimed, Outcome)], most: usize) -> Vec<Claimed> {
-        if self.order() != WorkerOrder::Work {
+        if self.order() != WorkerOrder::Work || !self.has_place.get() {
             self.settle_all(made).await;
             return Vec::new();
         }
-        let (stored, next) = tokio::join!(self.store_all(made), self.store.claim_up_to(most));
+        let owners = self.parking.others(|owner| self.store.usage(owner), u64::MAX, None);
+        let claiming = self.store.claim_up_to(most, owners);
+        let (stored, next) = tokio::join!(self.store_all(made), claiming);
         // After an error, the caller calls `claim`, which tries again and logs errors.
         let mut next = next.unwrap_or_default();
         if stored.is_err() {
@@ -318,11 +356,11 @@ impl Worker {
         *self.orders.borrow()
     }
 
-    /// Waits for a run to compute. Returns `None` when the pool must end.
+    /// Waits for a run to compute. Returns `None` when the pool must end, or if a piece is parked, which can go on here.
     async fn claim(&mut self) -> Option<Claimed> {
         let mut queue = self.store.watch_queue();
         let mut pause = PAUSE.0;
-        while self.order() == WorkerOrder::Work {
+        while self.order() == WorkerOrder::Work && !self.parking.has_parked() {
             let wait = match self.store.claim().await {
                 Ok(Some(claimed)) => return Some(claimed),
                 Ok(None) => {
@@ -339,6 +377,7 @@ impl Worker {
             tokio::select! {
                 () = queue.changed() => {}
                 _ = self.orders.changed() => {}
+                () = self.parking.parked() => {}
                 () = tokio::time::sleep(wait) => {}
             }
         }

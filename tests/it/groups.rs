@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use fretwork::service::WorkLimits;
 use fretwork::service::workers::Workers;
 use fretwork_job::{Answer, Cost, FailureKind, Job, JobId, JobState};
-use fretwork_store::{Claimed, Finish, NewJob, Store};
+use fretwork_store::{Claimed, Finish, NewJob, Owners, Store};
 use tokio::time::sleep;
 
 use crate::database::{Database, Engine, PATIENCE};
@@ -23,7 +23,7 @@ async fn submit_as(store: &Store, owner: &str, priority: u8, number: u8) -> Job 
 }
 
 async fn claims(store: &Store) -> Vec<Claimed> {
-    store.claim_up_to(TOGETHER).await.unwrap()
+    store.claim_up_to(TOGETHER, Owners::ALL).await.unwrap()
 }
 
 /// The numbers of the jobs whose runs are claimed.
@@ -168,7 +168,7 @@ async fn a_server_that_remembers_places_finds_released_runs_and_new_owners_later
         sleep(LOCKED).await;
         slow.execute("COMMIT").await;
     };
-    let (first, ()) = tokio::join!(store.claim_up_to(2), unlock);
+    let (first, ()) = tokio::join!(store.claim_up_to(2, Owners::ALL), unlock);
     let first = first.unwrap();
     submit_as(&store, "bob", 0, 3).await;
     assert!(store.release(&first[0]).await.unwrap());

@@ -238,3 +238,81 @@ async fn a_drain_ends_even_if_the_store_refuses_results() {
     state(&store, failing, JobState::Failed).await;
     workers.drain(PATIENCE).await;
 }
+
+async fn submit_of(store: &Store, owner: &str, number: u8, task: &str) -> JobId {
+    let job = NewJob { task: task.to_owned(), owner: owner.to_owned(), ..new_job(number) };
+    accepted(store.submit(job).await).id
+}
+
+/// Waits until the computation of this many runs has begun.
+async fn begun(stage: &Stage, count: u32) {
+    let begun = async {
+        while stage.begun.load(Ordering::SeqCst) < count {
+            tokio::time::sleep(Duration::from_millis(5)).await;
+        }
+    };
+    tokio::time::timeout(PATIENCE, begun).await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_long_run_makes_way_for_the_runs_of_others_and_goes_on_afterwards() {
+    let (_dir, store) = fresh().await;
+    let stage: Arc<Stage> = Arc::default();
+    let workers = Workers::start(&store, 1, WorkLimits::default(), &compute(&stage)).unwrap();
+    let long = submit(&store, 1, "gated").await;
+    state(&store, long, JobState::Running).await;
+    // The only worker computes for ada until the gate opens, but bob need not wait for that.
+    for number in 2..5 {
+        let short = submit_of(&store, "bob", number, "short").await;
+        state(&store, short, JobState::Succeeded).await;
+    }
+    assert_eq!(store.job(long).await.unwrap().unwrap().state, JobState::Running);
+    stage.open.store(true, Ordering::SeqCst);
+    assert_eq!(state(&store, long, JobState::Succeeded).await.attempt, 1);
+    assert_eq!(stage.begun.load(Ordering::SeqCst), 4, "no run was begun twice");
+    workers.drain(PATIENCE).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn two_long_runs_of_different_owners_share_one_worker() {
+    let (_dir, store) = fresh().await;
+    let stage: Arc<Stage> = Arc::default();
+    let workers = Workers::start(&store, 1, WorkLimits::default(), &compute(&stage)).unwrap();
+    let first = submit(&store, 1, "gated").await;
+    begun(&stage, 1).await;
+    let second = submit_of(&store, "bob", 2, "gated").await;
+    let others = [submit(&store, 3, "gated").await, submit_of(&store, "bob", 4, "gated").await];
+    for id in [first, second] {
+        until(&store, id, |job| job.progress > 0.0).await;
+    }
+    for id in others {
+        let job = store.job(id).await.unwrap().unwrap();
+        assert_eq!(job.state, JobState::Queued, "an owner does not make way for itself");
+    }
+    stage.open.store(true, Ordering::SeqCst);
+    for id in [first, second].into_iter().chain(others) {
+        assert_eq!(state(&store, id, JobState::Succeeded).await.attempt, 1);
+    }
+    workers.drain(PATIENCE).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn parked_runs_can_be_canceled_and_go_back_to_the_queue_at_the_end() {
+    let (_dir, store) = fresh().await;
+    let stage: Arc<Stage> = Arc::default();
+    let workers = Workers::start(&store, 1, WorkLimits::default(), &compute(&stage)).unwrap();
+    let mut runs = Vec::new();
+    for (number, owner) in (1..).zip(["ada", "bob", "eve"]) {
+        runs.push(submit_of(&store, owner, number, "gated").await);
+        begun(&stage, number.into()).await;
+    }
+    assert!(matches!(store.cancel(runs[0], Actor::default()).await.unwrap(), Canceled::Done(_)));
+    state(&store, runs[0], JobState::Canceled).await;
+    assert_eq!(stage.dropped.load(Ordering::SeqCst), 1);
+    workers.drain(Duration::ZERO).await;
+    for id in &runs[1..] {
+        let job = store.job(*id).await.unwrap().unwrap();
+        assert_eq!((job.state, job.started), (JobState::Queued, None));
+    }
+    assert_eq!(stage.dropped.load(Ordering::SeqCst), 3);
+}

@@ -25,6 +25,11 @@ pub trait Work: Send {
     /// Computes the next step.
     fn step(&mut self) -> Step;
 
+    /// Estimated memory, in bytes.
+    fn bytes(&self) -> usize {
+        0
+    }
+
     /// The rows that a run has computed so far; `None` if the work is not one run.
     fn so_far(&self) -> Option<History> {
         None
@@ -308,6 +313,9 @@ impl Task {
 pub type Begin =
     Arc<dyn Fn(&Key, &str, Option<Prepared>) -> Result<Box<dyn Work>, String> + Send + Sync>;
 
+/// Estimated memory of a simulation without its result, in bytes.
+const RUN: usize = 1 << 20;
+
 /// A simulation in progress.
 struct RunWork {
     key: Key,
@@ -321,6 +329,10 @@ impl Work for RunWork {
             simulation::Advance::Working(progress) => Step::Working { progress },
             simulation::Advance::Done(outcome) => Step::Done(self.answer(&outcome)),
         }
+    }
+
+    fn bytes(&self) -> usize {
+        self.run.1.answer_bytes() + RUN
     }
 
     fn so_far(&self) -> Option<History> {
@@ -347,6 +359,10 @@ struct StudyWork {
 }
 
 impl Work for StudyWork {
+    fn bytes(&self) -> usize {
+        self.study.memory_of_chunk(1)
+    }
+
     fn step(&mut self) -> Step {
         match self.points.step() {
             None => Step::Working { progress: self.points.progress() },

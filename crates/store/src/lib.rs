@@ -41,6 +41,7 @@ pub use database::place::{DatabaseUrl, Place};
 pub use database::row::RunId;
 pub use database::signals::{Changes, Deletions, Stop};
 pub use database::tally::Tally;
+pub use database::usage::Owners;
 pub use database::words::Words;
 pub use jobs::cancel::{Canceled, Deleted};
 pub use jobs::claimed::{Claimed, Piece};

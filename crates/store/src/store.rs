@@ -3,12 +3,13 @@
 
 use std::pin::pin;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 use futures_util::stream::iter;
 use futures_util::{StreamExt as _, TryStreamExt as _};
 
+use crate::database::usage::Owners;
 use crate::database::{
     Change, Changes, Columns, Command, Deletions, Doing, Error, FileSizes, Most, Options, Place,
     Purpose, Recovered, Result, Row, SharedVerb, Signals, Statement, Sum, Tables, Tally, Verb, sql,
@@ -116,17 +117,28 @@ impl Store {
 
     /// Claims the next queued run, or a piece of a study. See [`claim_up_to`](Self::claim_up_to).
     pub fn claim(&self) -> Doing<'_, Option<Claimed>> {
-        Box::pin(async { Ok(self.claim_up_to(1).await?.pop()) })
+        Box::pin(async { Ok(self.claim_up_to(1, Owners::ALL).await?.pop()) })
     }
 
-    /// Claims up to `most` queued runs, or a piece of a study. In PostgreSQL, claims that are made together cost little
+    /// Claims up to `most` queued runs, or a piece of a study, of these owners. In PostgreSQL, claims that are made together cost little
     /// more than one.
     ///
     /// The caller must end each of them by [`finish`](Self::finish), [`finish_chunk`](Self::finish_chunk),
     /// [`fail`](Self::fail), [`stopped`](Self::stopped) or [`release`](Self::release). Otherwise it stays claimed until
     /// the next start of the server.
-    pub fn claim_up_to(&self, most: usize) -> Doing<'_, Vec<Claimed>> {
-        each!(self, db => Box::pin(db.claim(most)))
+    pub fn claim_up_to(&self, most: usize, owners: Owners) -> Doing<'_, Vec<Claimed>> {
+        each!(self, db => Box::pin(db.claim(most, owners)))
+    }
+
+    /// Adds the time that a worker has computed for an owner until now. The workers of this process compute next for
+    /// the owner for whom they have computed least lately.
+    pub fn computed(&self, owner: &str, time: Duration) {
+        self.signals.usage.add(owner, time, Instant::now());
+    }
+
+    /// How much the workers of this process have computed for an owner lately, for comparisons.
+    pub fn usage(&self, owner: &str) -> u64 {
+        self.signals.usage.of(owner, Instant::now())
     }
 
     /// Stores the progress of a whole run, from 0 to 1. The progress of a study follows from its finished chunks, so

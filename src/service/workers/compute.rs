@@ -4,11 +4,10 @@ use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use parking_lot::MutexGuard;
-
+use super::parking::{Assembling, LAST, Parkable, SLICE};
 use super::{MAX_REFUSALS, Made, NotMade, PAUSE, REPORT, Worker, WorkerOrder};
 use crate::service::stopwatch::Stopwatch;
-use fretwork_job::{Answer, FailureKind, Prepared, Step, Task, TaskKind, asked_in};
+use fretwork_job::{Answer, Cost, FailureKind, Prepared, Step, Task, TaskKind, asked_in};
 use fretwork_store::{Claimed, Error, Piece, Result, RunId};
 use fretwork_study::{Points, Rows, Study};
 
@@ -32,8 +31,8 @@ impl Worker {
             Some((TaskKind::Study(_), _)) => self.limits.study,
             _ => self.limits.run,
         };
-        let answer = self.drive(claimed, limit, || work.step())?;
-        Ok(Made::Answer(answer, watch.cost()))
+        let answer = self.drive(claimed, Some(work.bytes()), limit, || work.step())?;
+        Ok(Made::Answer(answer, self.cost(watch)))
     }
 
     fn compute_chunk(&self, claimed: &Claimed, number: u32, of: u32) -> Result<Made, NotMade> {
@@ -43,12 +42,13 @@ impl Worker {
         for number in 0..study.earlier_chunks(number as usize, of as usize) as u32 {
             earlier.append(&self.stored_rows(claimed, number)?);
         }
+        let bytes = study.memory_of_chunk(of as usize);
         let mut points = Points::chunk(study, number as usize, of as usize, earlier);
-        let rows = self.drive(claimed, self.limits.study, || match points.step() {
+        let rows = self.drive(claimed, Some(bytes), self.limits.study, || match points.step() {
             Some(rows) => Step::Done(rows),
             None => Step::Working { progress: points.progress() },
         })?;
-        Ok(Made::Rows(rows.to_bytes(), watch.cost()))
+        Ok(Made::Rows(rows.to_bytes(), self.cost(watch)))
     }
 
     /// The rows of a finished chunk.
@@ -60,11 +60,12 @@ impl Worker {
 
     /// Makes the result of a study from its chunks.
     fn assemble(&self, claimed: &Claimed, of: u32) -> Result<Made, NotMade> {
-        let study = self.study(claimed)?;
         let _turn = self.turn(claimed)?;
+        let study = self.study(claimed)?;
+        self.parked.take();
         let watch = Stopwatch::start();
         let (mut all, mut number) = (Rows::default(), 0);
-        let rows = self.drive(claimed, None, || {
+        let rows = self.drive(claimed, None, None, || {
             match self.stored_rows(claimed, number) {
                 Ok(rows) => all.append(&rows),
                 Err(why) => return Step::Done(Err(why)),
@@ -85,19 +86,21 @@ impl Worker {
         }
         let goes_on = &mut || self.check(claimed).is_ok();
         match Answer::of_study_while(claimed.key, &study, &rows, goes_on) {
-            Some(answer) => Ok(Made::Answer(answer, watch.cost())),
+            Some(answer) => Ok(Made::Answer(answer, self.cost(watch))),
             // `check` failed during the computation. It fails again, because a reason to stop never disappears.
             None => Err(self.check(claimed).err().unwrap_or(NotMade::Interrupted)),
         }
     }
 
-    /// Waits until no other worker makes a result from chunks. Returns the lock that excludes other workers.
-    fn turn(&self, claimed: &Claimed) -> Result<MutexGuard<'_, ()>, NotMade> {
+    /// Waits until no other worker makes a result from chunks, because a large one takes much memory.
+    fn turn(&self, claimed: &Claimed) -> Result<Assembling<'_>, NotMade> {
         loop {
-            if let Some(turn) = self.assembling.try_lock() {
+            if let Some(turn) = self.parking.assemble() {
                 return Ok(turn);
             }
             self.pause(claimed)?;
+            let waiting = Parkable { owner: &claimed.owner, bytes: 0, waits: true };
+            self.make_way(claimed, &waiting, LAST);
         }
     }
 
@@ -110,6 +113,76 @@ impl Worker {
             return Err(NotMade::Interrupted);
         }
         Ok(())
+    }
+
+    /// At the end of a slice, parks the piece if an owner waits for whom less was computed lately. `bytes` is its
+    /// estimated memory.
+    fn share(&self, claimed: &Claimed, bytes: usize) {
+        if self.slice.get().elapsed() < SLICE {
+            return;
+        }
+        self.end_slice(claimed);
+        if self.batch.lock().waiting.is_empty() && self.parking.is_full() {
+            let piece = Parkable { owner: &claimed.owner, bytes, waits: false };
+            self.make_way(claimed, &piece, self.store.usage(&claimed.owner));
+        }
+    }
+
+    /// Parks a piece if an owner waits with a usage below `below`.
+    fn make_way(&self, claimed: &Claimed, piece: &Parkable<'_>, below: u64) {
+        let usage = |owner: &str| self.store.usage(owner);
+        let has_room = self.parking.reserve(piece);
+        let is_parked = has_room && self.park_for_others(claimed, piece, below);
+        if !is_parked && (has_room || piece.waits) {
+            self.park(claimed, |goes_on| self.parking.swap(piece, usage, below, goes_on));
+        }
+        if has_room {
+            self.parking.release(piece);
+        }
+    }
+
+    /// Claims a piece of an owner with a usage below `below`, and parks this one. Returns whether it did. After an error
+    /// of the store, this piece goes on.
+    fn park_for_others(&self, claimed: &Claimed, piece: &Parkable<'_>, below: u64) -> bool {
+        let is_open = || self.order() == WorkerOrder::Work;
+        if !is_open() || !self.parking.may_claim() {
+            return false;
+        }
+        let usage = |owner: &str| self.store.usage(owner);
+        let owners = self.parking.others(usage, below, Some(piece.owner));
+        let claims = self.runtime.block_on(self.store.claim_up_to(1, owners)).unwrap_or_default();
+        if claims.is_empty() {
+            self.parking.found_nothing();
+            return false;
+        }
+        self.park(claimed, |goes_on| {
+            let parked = self.parking.park_for(claims, piece, is_open, goes_on);
+            parked.unwrap_or_else(|claims| {
+                self.runtime.block_on(self.release_all(claims));
+                true
+            })
+        });
+        true
+    }
+
+    /// Parks the piece with this function, which returns whether the thread has a place afterwards.
+    fn park(&self, claimed: &Claimed, parking: impl FnOnce(&dyn Fn() -> bool) -> bool) {
+        let started = Instant::now();
+        self.has_place.set(parking(&|| self.check(claimed).is_ok()));
+        self.parked.set(self.parked.get() + started.elapsed());
+        self.slice.set(Instant::now());
+    }
+
+    /// Adds what was computed since the last call to the usage of the owner.
+    pub(super) fn end_slice(&self, claimed: &Claimed) {
+        let began = self.slice.replace(Instant::now());
+        self.store.computed(&claimed.owner, began.elapsed());
+    }
+
+    /// The cost of a piece, without the time for which it was parked.
+    fn cost(&self, watch: Stopwatch) -> Cost {
+        let Cost { wall, cpu } = watch.cost();
+        Cost { wall: wall.saturating_sub(self.parked.get()), cpu }
     }
 
     /// Waits for a short time, unless the computation must not continue.
@@ -168,25 +241,31 @@ impl Worker {
         }
     }
 
-    /// Executes the steps of a computation until it is done or must not continue. Reports its progress to the store.
+    /// Executes the steps of a computation until it is done or must not continue. Reports its progress to the store. A
+    /// computation with `bytes` of estimated memory may be parked.
     fn drive<T>(
         &self,
         claimed: &Claimed,
+        bytes: Option<usize>,
         limit: Option<Duration>,
         mut step: impl FnMut() -> Step<T>,
     ) -> Result<T, NotMade> {
         let before = claimed.spent.cpu.unwrap_or(claimed.spent.wall);
-        let started = Instant::now();
-        let mut reported = started;
+        let watch = Stopwatch::start();
+        let mut reported = Instant::now();
         loop {
-            self.check(claimed)?;
             self.hand_over();
+            if let Some(bytes) = bytes {
+                self.share(claimed, bytes);
+            }
+            self.check(claimed)?;
             let progress = match step() {
                 Step::Done(found) => return Ok(found),
                 Step::Working { progress } => progress,
             };
+            let Cost { wall, cpu } = self.cost(watch);
             if let Some(limit) = limit
-                && before + started.elapsed() > limit
+                && before + cpu.unwrap_or(wall) > limit
             {
                 let message = format!(
                     "the computation took longer than the {} that this server allows",

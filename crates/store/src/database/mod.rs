@@ -10,6 +10,7 @@ pub(crate) mod signals;
 pub(crate) mod statement;
 pub(crate) mod tables;
 pub(crate) mod tally;
+pub(crate) mod usage;
 pub(crate) mod words;
 
 pub(crate) use body::Body;

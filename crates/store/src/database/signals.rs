@@ -12,6 +12,7 @@ use tokio::sync::{broadcast, watch};
 use crate::database::error::Result;
 use crate::database::row::{RunId, RunPart};
 use crate::database::tally::{Ending, Tally};
+use crate::database::usage::Usage;
 use fretwork_job::clock::now;
 use fretwork_job::{Key, Origin, Recomputed};
 
@@ -62,6 +63,7 @@ impl Stop {
 #[derive(Debug, Default)]
 pub(crate) struct Signals {
     pub(crate) tally: Tally,
+    pub(crate) usage: Usage,
     queue: watch::Sender<u64>,
     deleted: Deleted,
     tables: Mutex<Tables>,

@@ -13,6 +13,8 @@ use fretwork_job::{Cost, Key};
 pub struct Claimed {
     /// The id of the run.
     pub run: RunId,
+    /// The owner in whose turn it was claimed.
+    pub owner: String,
     /// The number of this attempt to compute the piece, from 1.
     pub attempt: u32,
     /// The key of the result.
@@ -51,22 +53,23 @@ pub enum Piece {
 
 impl Claimed {
     /// A whole run, from its row.
-    pub(crate) fn whole(run: RunId, row: &Row) -> sqlx::Result<Self> {
+    pub(crate) fn whole(run: RunId, owner: String, row: &Row) -> sqlx::Result<Self> {
         let piece = Piece::Whole { task: row.get("task")? };
         let (spent, stop) = (Cost::ZERO, Stop::default());
-        Ok(read!(row => Self { attempt, key, trace; run, piece, spent, stop }))
+        Ok(read!(row => Self { attempt, key, trace; run, owner, piece, spent, stop }))
     }
 
     /// A piece of a study with this number of chunks, read from the row of the study and its run.
     pub(crate) fn piece(
         run: RunId,
+        owner: String,
         (number, of): (u32, u32),
         attempt: u32,
         row: &Row,
     ) -> sqlx::Result<Self> {
         let piece = if number == of { Piece::Assembly { of } } else { Piece::Chunk { number, of } };
         let (spent, stop) = (cost(row)?, Stop::default());
-        Ok(read!(row => Self { key, trace; run, attempt, piece, spent, stop }))
+        Ok(read!(row => Self { key, trace; run, owner, attempt, piece, spent, stop }))
     }
 
     /// The task in its stored form.

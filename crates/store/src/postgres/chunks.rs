@@ -45,7 +45,11 @@ async fn store(
 
 /// Claims a piece of a study: a new chunk; if there is none, a chunk that was released or lost; if there is none, the
 /// assembly. So a chunk that may have caused a crash is computed last. Returns `None` if no piece can be claimed.
-pub(super) async fn claim(tx: &mut Transaction<'_>, run: RunId) -> Result<Option<Claimed>> {
+pub(super) async fn claim(
+    tx: &mut Transaction<'_>,
+    run: RunId,
+    owner: &str,
+) -> Result<Option<Claimed>> {
     let Some(before) = lock(tx, run).await?.filter(Study::is_ready) else {
         return Ok(None);
     };
@@ -82,7 +86,13 @@ pub(super) async fn claim(tx: &mut Transaction<'_>, run: RunId) -> Result<Option
         tx.effects.push(Effect::Changed(row.get("key")?));
     }
     store(tx, run, (&before, &after)).await?;
-    Ok(Some(Claimed::piece(run, (number, before.chunks), attempt.get("attempt")?, &row)?))
+    Ok(Some(Claimed::piece(
+        run,
+        owner.to_owned(),
+        (number, before.chunks),
+        attempt.get("attempt")?,
+        &row,
+    )?))
 }
 
 /// Starts the run of a study.

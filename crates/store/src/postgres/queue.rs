@@ -39,13 +39,15 @@ const REMEMBERED: usize = 1000;
 #[derive(Debug, Clone)]
 pub(super) struct Waiting {
     pub(super) owner: String,
+    /// What this server has computed for the owner lately.
+    usage: u64,
     /// The number of running parts.
     pub(super) running: u64,
     /// The number of the last turn. A larger number is a later turn.
     turn: u64,
     /// For each priority, the id of a job before which no whole run of the owner waits.
     pub(super) places: [Vec<u8>; PRIORITIES],
-    /// Whether no more parts were found during this claim.
+    /// Whether this claim leaves the owner out, or has found no more parts of it.
     pub(super) is_done: bool,
 }
 
@@ -59,8 +61,21 @@ pub(super) struct Turns {
 }
 
 impl Turns {
-    /// Distributes up to `count` parts. Each goes to the owner with the fewest running parts; among equals, to the one
-    /// whose last turn was longest ago. Returns the places of owners in the list, and their numbers of parts.
+    /// Leaves out the owners without a `usage`.
+    pub(super) fn rank(&mut self, usage: impl Fn(&str) -> Option<u64>) {
+        for waiting in &mut self.owners {
+            let used = usage(&waiting.owner);
+            (waiting.usage, waiting.is_done) = (used.unwrap_or(0), used.is_none());
+        }
+    }
+
+    /// Whether all owners are left out.
+    pub(super) fn are_done(&self) -> bool {
+        self.owners.iter().all(|waiting| waiting.is_done)
+    }
+
+    /// Distributes up to `count` parts. Each goes to the owner with the least usage; among equals, to the one with the
+    /// fewest running parts; among equals, to the one whose last turn was longest ago. Returns the places of owners in the list, and their numbers of parts.
     pub(super) fn shares(&mut self, count: usize) -> Vec<(usize, usize)> {
         let mut shares: Vec<(usize, usize)> = Vec::new();
         for _ in 0..count {
@@ -68,8 +83,8 @@ impl Turns {
                 shares.iter().find(|(other, _)| *other == place).map_or(0, |(_, share)| *share)
             };
             let waiting = self.owners.iter().enumerate().filter(|(_, waiting)| !waiting.is_done);
-            let next =
-                waiting.min_by_key(|(place, of)| (of.running + share(*place) as u64, of.turn));
+            let next = waiting
+                .min_by_key(|(place, of)| (of.usage, of.running + share(*place) as u64, of.turn));
             let Some((next, _)) = next else { break };
             self.last += 1;
             self.owners[next].turn = self.last;
@@ -131,7 +146,7 @@ impl Queue {
                 places[usize::from(row.get::<u8>("priority")?)] = row.get("id")?;
             }
             let running = row.get("running")?;
-            owners.push(Waiting { owner, running, turn, places, is_done: false });
+            owners.push(Waiting { owner, usage: 0, running, turn, places, is_done: false });
         }
         Ok(Turns { owners, last, read: Some(Rest::since(begun)) })
     }

@@ -8,6 +8,7 @@
 //! snapshot is open.
 
 use std::collections::HashMap;
+use std::time::Instant;
 
 use super::Database;
 use super::chunks;
@@ -15,6 +16,7 @@ use super::follow::{ended_by, follow};
 use super::lease;
 use super::queue::{Turns, Waiting};
 use super::transaction::{Transaction, reading};
+use crate::database::usage::Owners;
 use crate::database::{
     Columns, Connected, Effect, Ending, MAX_LOST, Recovered, Result, Row, RunId, Statement, Tables,
     sql,
@@ -32,9 +34,9 @@ impl Database {
         self.reclaim(true).await
     }
 
-    /// Claims up to `most` queued runs, or a piece of a study.
-    pub(crate) async fn claim(&self, most: usize) -> Result<Vec<Claimed>> {
-        let (claims, turns) = self.write(claim, most).await?;
+    /// Claims up to `most` queued runs, or a piece of a study, of these owners.
+    pub(crate) async fn claim(&self, most: usize, owners: Owners) -> Result<Vec<Claimed>> {
+        let (claims, turns) = self.write(claim, (most, owners)).await?;
         if let Some(turns) = turns {
             self.0.queue.remember(turns);
         }
@@ -62,9 +64,16 @@ impl Database {
 }
 
 /// Claims up to `most` runs, or one piece of a study. Returns what the server must remember after the commit.
-async fn claim(most: &usize, tx: &mut Transaction<'_>) -> Result<(Vec<Claimed>, Option<Turns>)> {
-    let dead = tx.of.signals.tally.dead();
+async fn claim(
+    (most, owners): &(usize, Owners),
+    tx: &mut Transaction<'_>,
+) -> Result<(Vec<Claimed>, Option<Turns>)> {
+    let (dead, now) = (tx.of.signals.tally.dead(), Instant::now());
     if let Some(mut turns) = tx.of.queue.remembered(dead, false) {
+        turns.rank(|owner| owners.usage_of(owner, &tx.of.signals.usage, now));
+        if !turns.owners.is_empty() && turns.are_done() {
+            return Ok((Vec::new(), None));
+        }
         let claims = claim_in_turn(tx, &mut turns, *most).await?;
         if !claims.is_empty() || tx.of.queue.remembered(dead, true).is_some() {
             return Ok((claims, Some(turns)));
@@ -73,8 +82,10 @@ async fn claim(most: &usize, tx: &mut Transaction<'_>) -> Result<(Vec<Claimed>, 
     let mut found = (Vec::new(), None);
     for _ in 0..TRIES {
         let mut turns = tx.of.queue.read(&mut tx.db).await?;
+        turns.rank(|owner| owners.usage_of(owner, &tx.of.signals.usage, now));
+        let nobody_waits = turns.are_done();
         found.0 = claim_in_turn(tx, &mut turns, *most).await?;
-        let is_over = turns.owners.is_empty() || !found.0.is_empty();
+        let is_over = nobody_waits || !found.0.is_empty();
         found.1 = Some(turns);
         if is_over {
             break;
@@ -136,7 +147,7 @@ async fn claim_of(
         if !next.get::<bool>("study")? {
             claims = claim_whole(tx, waiting, next.get("priority")?, (most, is_first)).await?;
         } else if is_first {
-            claims.extend(chunks::claim(tx, RunId(next.get("run")?)).await?);
+            claims.extend(chunks::claim(tx, RunId(next.get("run")?), &waiting.owner).await?);
         } else {
             break;
         }
@@ -192,7 +203,8 @@ async fn claim_whole(
     );
     let mut claims = Vec::new();
     for row in rows.bind(&runs).fetch_all(tx.db.connection()).await? {
-        let claimed = Claimed::whole(RunId(row.get("id")?), &Row::Postgres(row))?;
+        let claimed =
+            Claimed::whole(RunId(row.get("id")?), waiting.owner.clone(), &Row::Postgres(row))?;
         tx.effects.push(Effect::Changed(claimed.key));
         claims.push(claimed);
     }

@@ -9,7 +9,7 @@ use crate::jobs::claimed::{Claim, Claimed, FinishedChunk, is_step};
 
 /// Claims a piece of a study: a new chunk of this stage; if there is none, a chunk that was released or lost; if there is none, the
 /// assembly. So a chunk that may have caused a crash is computed last.
-pub(super) async fn claim(run: RunId, tx: &mut Transaction) -> Result<Claimed> {
+pub(super) async fn claim(run: RunId, owner: String, tx: &mut Transaction) -> Result<Claimed> {
     // If no piece can be claimed, the number is null. Then the constraint of the table makes this an error.
     let query = sql!(
         "INSERT INTO chunk (run, number, state, attempt)
@@ -40,7 +40,7 @@ pub(super) async fn claim(run: RunId, tx: &mut Transaction) -> Result<Claimed> {
         run
     );
     let row = tx.db.one(query).await?;
-    Ok(Claimed::piece(run, (number, row.get("chunks")?), attempt, &row)?)
+    Ok(Claimed::piece(run, owner, (number, row.get("chunks")?), attempt, &row)?)
 }
 
 /// Starts the run of a study, unless it is running.

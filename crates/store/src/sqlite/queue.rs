@@ -1,8 +1,9 @@
 //! The runs that wait for workers, by owner, in the memory of the writer task. This queue decides which run is claimed
 //! next.
 //!
-//! The next turn is that of the owner with the fewest running parts, which are runs or pieces of studies. Among equals,
-//! it is that of the owner whose last turn was longest ago. A new owner comes directly before the owner who had the
+//! The next turn is that of the owner for whom the workers have computed least lately. Among equals, it is that of the
+//! owner with the fewest running parts, which are runs or pieces of studies; among equals, that of the owner whose last
+//! turn was longest ago. A new owner comes directly before the owner who had the
 //! last turn. So an owner who submits one job after another gets no more turns than an owner with many waiting jobs.
 //! The waiting jobs of an owner are the lane of that owner. In a lane, more urgent jobs come first; among equals, runs
 //! before studies; among equals, older jobs. A run that several owners share is in the lane of each.
@@ -138,11 +139,11 @@ impl Queue {
         }
     }
 
-    /// The next run, and the owner whose turn it is.
-    pub(super) fn next(&self) -> Option<(RunId, String)> {
+    /// The next run, and the owner whose turn it is. Owners without a `usage` are left out.
+    pub(super) fn next(&self, usage: impl Fn(&str) -> Option<u64>) -> Option<(RunId, String)> {
         let waiting = self.lanes.iter().filter_map(|(owner, lane)| {
             let ((.., oldest), run) = lane.waiting.first_key_value()?;
-            Some(((lane.working, lane.served, *oldest), owner, *run))
+            Some(((usage(owner)?, lane.working, lane.served, *oldest), owner, *run))
         });
         let (_, owner, run) = waiting.min_by_key(|(turn, ..)| *turn)?;
         Some((run, owner.clone()))
@@ -299,7 +300,7 @@ mod tests {
 
     /// Takes the next run, or the next piece of a study that was never claimed.
     fn take(queue: &mut Queue) -> Option<RunPart> {
-        let (run, owner) = queue.next()?;
+        let (run, owner) = queue.next(|_| Some(0))?;
         let part = (run, queue.studies.get(&run).map(|study| study.next));
         queue.take(part, owner);
         Some(part)
@@ -364,6 +365,16 @@ mod tests {
         assert_eq!(take(&mut queue), Some((RunId(4), None)), "bob has no running run");
         queue.end(RunId(1));
         assert_eq!(take(&mut queue), Some((RunId(2), None)), "ada has none now");
+    }
+
+    #[test]
+    fn the_owner_for_whom_least_was_computed_comes_first() {
+        let (mut queue, _) = queue(&[("ada", 1, 3), ("bob", 2, 3)]);
+        let usage = |owner: &str| Some(if owner == "ada" { 5 } else { 3 });
+        assert_eq!(queue.next(|_| None), None);
+        assert_eq!(queue.next(usage), Some((RunId(2), "bob".into())));
+        queue.take((RunId(2), None), "bob".into());
+        assert_eq!(queue.next(usage), Some((RunId(1), "ada".into())));
     }
 
     #[test]
@@ -433,7 +444,7 @@ mod tests {
         queue.leave(study, 3, job);
         // Jobs of a study that has begun do not count as queued.
         assert_eq!((queue.waiting_of("ada"), queue.waiting_of("bob"), queue.jobs), (0, 1, 0));
-        assert_eq!(queue.next(), Some((study, "bob".into())));
+        assert_eq!(queue.next(|_| Some(0)), Some((study, "bob".into())));
         queue.take((study, Some(0)), "bob".into());
         queue.done(study, 1);
         assert_eq!(take(&mut queue), None, "the assembly waits for all chunks");

@@ -3,14 +3,17 @@
 //! Each statement that changes a run compares the number of the attempt. So a worker that has lost its run changes
 //! nothing.
 
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
+use std::time::Instant;
 
 use super::queue::Queue;
 use super::storing::{Reason, keeping};
 use super::transaction::Transaction;
 use super::{Database, chunks};
+use crate::database::usage::Owners;
 use crate::database::{
-    Columns, Connected, Effect, Ending, MAX_LOST, Recovered, Result, RunId, Statement, Tables, sql,
+    Columns, Connected, Effect, Ending, MAX_LOST, Recovered, Result, RunId, Signals, Statement,
+    Tables, sql,
 };
 use crate::jobs::claimed::{Claim, Claimed};
 use crate::results::storing::{self, Answered, Finish, Source};
@@ -21,32 +24,39 @@ impl Database {
         self.write(recover, ()).await
     }
 
-    /// Claims the next queued run, or a piece of a study. A claim costs so little that more would save nothing.
-    pub(crate) async fn claim(&self, _most: usize) -> Result<Vec<Claimed>> {
-        Ok(self.write(claim, ()).await?.into_iter().collect())
+    /// Claims the next queued run, or a piece of a study, of one of these owners. A claim costs so little that
+    /// more would save nothing.
+    pub(crate) async fn claim(&self, _most: usize, owners: Owners) -> Result<Vec<Claimed>> {
+        let signals = Arc::clone(&self.signals);
+        Ok(self.write(claim, (signals, owners)).await?.into_iter().collect())
     }
 }
 
-async fn claim((): &(), tx: &mut Transaction) -> Result<Option<Claimed>> {
-    let Some((run, owner)) = tx.queue.next() else { return Ok(None) };
+async fn claim(
+    (signals, owners): &(Arc<Signals>, Owners),
+    tx: &mut Transaction,
+) -> Result<Option<Claimed>> {
+    let now = Instant::now();
+    let next = tx.queue.next(|owner| owners.usage_of(owner, &signals.usage, now));
+    let Some((run, owner)) = next else { return Ok(None) };
     let claimed = if tx.queue.is_study(run) {
-        chunks::claim(run, tx).await?
+        chunks::claim(run, owner, tx).await?
     } else {
-        claim_whole(run, tx).await?
+        claim_whole(run, owner, tx).await?
     };
-    tx.queue.take(claimed.part(), owner);
+    tx.queue.take(claimed.part(), claimed.owner.clone());
     tx.effects.push(Effect::Started(claimed.part(), claimed.stop.clone()));
     Ok(Some(claimed))
 }
 
-async fn claim_whole(run: RunId, tx: &mut Transaction) -> Result<Claimed> {
+async fn claim_whole(run: RunId, owner: String, tx: &mut Transaction) -> Result<Claimed> {
     let query = sql!(
         "UPDATE run SET state = 'running', attempt = attempt + 1, progress = 0, started = $2,
              changed = $2
          WHERE id = $1 AND state = 'queued' RETURNING attempt, key, task, trace";
         run, tx.now
     );
-    let claimed = Claimed::whole(run, &tx.db.one(query).await?)?;
+    let claimed = Claimed::whole(run, owner, &tx.db.one(query).await?)?;
     tx.effects.push(Effect::Changed(claimed.key));
     Ok(claimed)
 }
