@@ -2,7 +2,7 @@
 
 use fretwork_engine::input::fault::Faults;
 use fretwork_engine::input::fields::{Length, MAX_CYCLES, POINTS_RANGE, Position, QUANTITIES};
-use fretwork_engine::input::forms::FORMS;
+use fretwork_engine::input::inputs::forms;
 use fretwork_engine::input::quantity::{Dimension, parse};
 use fretwork_engine::scenario::{self, DEFAULT_POINTS, DEFAULT_TOLERANCE, SCHEMA};
 use serde_json::{Value, json};
@@ -49,10 +49,10 @@ fn references<'a>(part: &'a Value, found: &mut Vec<&'a str>) {
 
 #[test]
 fn each_member_of_a_form_is_an_input_and_each_reference_is_defined() {
-    for form in FORMS {
+    for form in forms() {
         for (name, value) in form.members() {
             let is_known = value.is_some() || form.input(name).is_some();
-            assert!(is_known, "{}: `{name}` has no row in `inputs!`", form.name);
+            assert!(is_known, "{}: `{name}` has no row in `rows!`", form.name);
         }
     }
     let schema = schema();
@@ -123,8 +123,8 @@ fn all_examples_are_accepted() {
     for example in examples {
         scenario::check(example, "").unwrap_or_else(|faults| panic!("{faults:?}"));
     }
-    let profile = FORMS.iter().find(|form| form.name == "Cylinder").expect("a form").example();
-    for form in FORMS.iter().filter(|form| ["/profile", "/motion"].contains(&form.pointer)) {
+    let profile = forms().find(|form| form.name == "Cylinder").expect("a form").example();
+    for form in forms().filter(|form| ["/profile", "/motion"].contains(&form.pointer)) {
         let mut scenario = examples[0].clone();
         if form.geometry == "line" {
             scenario["profile"] = json!(profile);

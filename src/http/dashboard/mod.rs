@@ -18,9 +18,9 @@ use crate::http::problem::Result;
 use crate::http::wire::{NoQuery, Segment};
 use asset::{Asset, Assets};
 
-use fretwork_engine::input::forms::{FORMS, ObjectForm};
-use fretwork_engine::input::inputs::{INPUTS, Measure, VALUES};
+use fretwork_engine::input::inputs::{VALUES, forms, inputs};
 use fretwork_engine::input::quantity::factor_to_si;
+use fretwork_engine::input::rows::{Measure, ObjectForm};
 use fretwork_engine::outcome::{
     EVENTS, History, LINE_WORDS, QUANTITIES, Quantity, SECTION_WORDS, SPECIAL_WORDS, Unworn,
 };
@@ -119,15 +119,14 @@ fn words() -> String {
     let [sections, special]: [Value; 2] = [SECTION_WORDS, SPECIAL_WORDS]
         .map(|list| list.iter().map(|(name, words)| (*name, json!(words))).collect());
     let values: Value = VALUES.iter().copied().collect();
-    let inputs: Value = INPUTS
-        .iter()
+    let inputs: Value = inputs()
         .map(|it| json!([it.pointer, it.words, it.symbol, measured(it.measure), it.about.trim()]))
         .collect();
-    let form = |it: &ObjectForm, example| {
+    let form = |it: &ObjectForm| {
         let ObjectForm { pointer, geometry, optional, .. } = it;
-        json!({"pointer": pointer, "geometry": geometry, "optional": optional, "example": example})
+        json!({"pointer": pointer, "geometry": geometry, "optional": optional, "example": it.example()})
     };
-    let forms: Value = FORMS.iter().filter_map(|it| Some(form(it, it.example()?))).collect();
+    let forms: Value = forms().map(form).collect();
     let ladder = |(unit, usual, steps): &(&str, _, _)| {
         ((*unit).to_owned(), json!({"usual": usual, "steps": steps}))
     };
@@ -147,7 +146,7 @@ fn words() -> String {
          /** The names and symbols of other numbers of sections. */\nexport const SPECIAL = {special};\n\n\
          /** The names of values of inputs. */\nexport const VALUES = {values};\n\n\
          /** The inputs: patterns of their pointers, names, symbols, what they measure, and sentences about them. */\nexport const INPUTS = {inputs};\n\n\
-         /** The forms of objects of a scenario: pointers, the geometry that they need, members that they can have, and examples. */\nexport const FORMS = {forms};\n\n\
+         /** The forms of objects of a scenario: pointers, the geometry that they need, members that they can have, and examples or null. */\nexport const FORMS = {forms};\n\n\
          /** The units for people, each with its factor and the size from which it is used. */\nexport const LADDERS = {ladders};\n\n\
          /** The outputs of a study, without output cycles. */\nexport const OUTPUTS = {outputs};\n\n\
          /** The words that results are searched by. */\nexport const SEARCHED = {searched};\n"

@@ -454,3 +454,86 @@ impl Motion {
         })
     }
 }
+
+super::rows::rows! {
+    /// Normal force F of the unworn contact; for a line contact also per length, such as "18.5 N/mm".
+    "/load/normal_force": Of("Force"), "Normal force", "$F$", FORCE;
+    /// Approach d of the bodies in the unworn contact; only for a round contact.
+    "/load/indentation_depth": Of("Length"), "Indentation depth", "$d$", MICRO;
+    /// What stays as it is while the contact wears. By default what is given. A line contact holds the force.
+    "/load/held": Word(&["force", "depth"]), "Load: kept constant", "", PLAIN;
+    /// Amplitude U: HALF of the peak-to-peak stroke, at the contact, of a line contact at its reference, or with `rig_stiffness` at
+    /// the actuator. At least 1e-6 of the gross-slip amplitude.
+    "/motion/amplitude": Of("Length"), "Amplitude@", "$U$", MICRO;
+    /// Only for a line contact that slides as a whole: amplitude of the sliding at the contact, HALF of the peak-to-peak stroke, less
+    /// what the bodies and the rig yield.
+    "/motion/sliding_amplitude": Of("Length"), "Sliding amplitude", "", MICRO;
+    /// Aperture δ₀ of the friction loop: HALF of its width where the tangential force is zero. What is linear in the force, such as a
+    /// rig, does not change it. Below gross slip, a run ends when the core that carries the load begins to slip.
+    "/motion/loop_aperture": Of("Length"), "Aperture of the loop", "$δ$₀", MICRO;
+    /// c/a₀ of the unworn contact, which sets the amplitude at the contact, or for a line contact the tangential force; 0 is the onset
+    /// of gross slip.
+    "/motion/stick_ratio": Of("StickRatio"), "Stick ratio", "$c$/$a$₀", RATIO;
+    /// Amplitude Q of the tangential force in the unworn contact, below μF.
+    "/motion/tangential_force": Of("TangentialForce"), "Tangential force", "$Q$", FORCE;
+    /// Only for a line contact: the distance from its middle to the points on the surfaces of both bodies whose relative motion is the
+    /// stroke. With it, the result has displacements.
+    "/motion/reference_distance": Of("Length"), "Reference distance", "", RADIUS;
+    /// Stiffness of what lies between actuator and contact; only with the amplitude held, and for a line contact only beside
+    /// `reference_distance`.
+    "/motion/rig_stiffness": Of("Stiffness"), "Rig stiffness", "", STIFFNESS;
+    /// Only for a line contact, instead of `reference_distance`: the slope dQ/dU of a measured loop just after a reversal. It contains
+    /// the rig.
+    "/motion/loop_stiffness": Of("Stiffness"), "Loop stiffness", "", STIFFNESS;
+    /// What stays as it is while the contact wears. By default the amplitude, unless a tangential force is given. A line contact, blocks
+    /// and reversals hold what is given.
+    "/motion/held": Word(&["amplitude", "tangential_force"]), "Motion: kept constant", "", PLAIN;
+    /// Amplitudes one after the other, each for some cycles; cycles count through. N₀ is that of the first. All hold amplitudes, which
+    /// for a line contact need a reference, or apertures, or for a line contact tangential forces.
+    "/motion/blocks": List("Block", 1, MAX_BLOCKS), "Amplitude blocks", "", PLAIN;
+    /// Amplitude U of the block; 0 lets the contact rest (not in the first block).
+    "/motion/blocks/#/amplitude": Of("Stroke"), "Block #: amplitude@", "", MICRO;
+    /// Amplitude Q of the tangential force of the block, as text also per length; 0 lets the contact rest (not in the first block).
+    "/motion/blocks/#/tangential_force": Of("BlockForce"), "Block #: tangential force", "", FORCE;
+    /// Aperture δ₀ of the loops of the block; 0 lets the contact rest (not in the first block).
+    "/motion/blocks/#/loop_aperture": Of("Stroke"), "Block #: aperture of the loop", "", MICRO;
+    /// How many cycles it lasts.
+    "/motion/blocks/#/cycles": Of("BlockCycles"), "Block #: cycles", "", PLAIN;
+    /// Only for a round contact: positions between which it moves, again and again. One cycle is one pass of the record, from its first
+    /// position to its last and back to the first. Their mean does not matter.
+    "/motion/reversals": List("Position", 2, MAX_REVERSALS), "Displacement record", "", MICRO;
+    "/motion/reversals/#": Part, "Position #", "", MICRO;
+
+    forms:
+    /// The force of the unworn contact.
+    ByForce "/load" ["normal_force"] ["held"];
+    /// The depth of the unworn contact.
+    ByDepth "/load" round ["indentation_depth"] ["held"];
+    /// A given amplitude.
+    ByAmplitude "/motion" ["amplitude"] ["held", "rig_stiffness", "reference_distance", "loop_stiffness"]
+        r#"{"amplitude": "2.256 um"}"#;
+    /// A given amplitude of the sliding.
+    Sliding "/motion" line ["sliding_amplitude"] ["held=amplitude"]
+        r#"{"sliding_amplitude": "10 um"}"#;
+    /// A given aperture of the friction loop.
+    ByAperture "/motion" ["loop_aperture"] ["rig_stiffness", "reference_distance", "loop_stiffness"]
+        r#"{"loop_aperture": "10 um"}"#;
+    /// A given stick ratio.
+    ByStickRatio "/motion" ["stick_ratio"] ["held", "rig_stiffness", "reference_distance", "loop_stiffness"]
+        r#"{"stick_ratio": 0.5}"#;
+    /// A given tangential force.
+    ByTangentialForce "/motion" ["tangential_force"] ["held", "rig_stiffness", "reference_distance", "loop_stiffness"]
+        r#"{"tangential_force": "15 N"}"#;
+    /// Amplitudes one after the other.
+    Blocks "/motion" ["blocks"] ["held", "rig_stiffness", "reference_distance", "loop_stiffness"]
+        r#"{"blocks": [{"amplitude": "2 um", "cycles": 50000}, {"amplitude": "1 um", "cycles": 50000}]}"#;
+    /// A displacement record.
+    Reversals "/motion" round ["reversals"] ["held=amplitude"]
+        r#"{"reversals": ["2.2 um", "-1.4 um", "0.6 um", "-2.2 um"]}"#;
+    /// A stretch of cycles of one amplitude.
+    AmplitudeBlock "/motion/blocks/#" ["amplitude", "cycles"] [];
+    /// A stretch of cycles of one amplitude of the tangential force.
+    ForceBlock "/motion/blocks/#" ["tangential_force", "cycles"] [];
+    /// A stretch of cycles of one aperture of the loop.
+    ApertureBlock "/motion/blocks/#" ["loop_aperture", "cycles"] [];
+}

@@ -31,34 +31,6 @@ fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
 }
 
-/// The shape of the indenter.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[serde(tag = "shape", rename_all = "snake_case")]
-pub enum Profile {
-    /// f = r²/(2R).
-    Paraboloid(BallProfile),
-    /// f = R − √(R² − r²).
-    Sphere(BallProfile),
-    /// f = r·tan θ.
-    Cone(ConeProfile),
-    /// f = height·(r/at_radius)ⁿ.
-    Power(PowerProfile),
-    /// f = (r² − b²)/(2R) outside the flat tip of radius b.
-    TruncatedParaboloid(FlatBallProfile),
-    /// f = (r − b)·tan θ outside the flat tip of radius b.
-    TruncatedCone(FlatConeProfile),
-    /// A table of measured points.
-    Table(TableProfile),
-    /// Two cylinders with perpendicular axes, one of them along the motion. The contact is nearly round.
-    CrossedCylinders(CrossedProfile),
-    /// A line contact with f = x²/(2R).
-    Cylinder(CylinderProfile),
-    /// A line contact with f = |x|·tan θ.
-    Wedge(WedgeProfile),
-    /// A line contact with f = (|x| − b)²/(2R) outside the flat |x| < b.
-    Punch(PunchProfile),
-}
-
 impl Profile {
     /// The geometry of the contact.
     pub fn geometry(&self) -> Geometry {
@@ -358,18 +330,19 @@ impl<T: Deserr<Faults> + Into<f64>> Deserr<Faults> for MeasuredColumn<T> {
     }
 }
 
-/// Reads a profile by the name of its shape. Not derived, because the error of `deserr` does not list the accepted tags of
-/// an enum.
+/// Defines the shapes: what each is, its parameters and its name. The parser is not derived, because the error of `deserr`
+/// does not list the accepted tags of an enum.
 macro_rules! shapes {
-    ($($shape:ident $name:literal,)*) => {
+    ($($(#[doc = $about:literal])* $shape:ident($parameters:ident) $name:literal;)*) => {
+        /// The shape of the indenter.
+        #[derive(Debug, Clone, PartialEq, Serialize)]
+        #[serde(tag = "shape")]
+        pub enum Profile {
+            $($(#[doc = $about])* #[serde(rename = $name)] $shape($parameters),)*
+        }
+
         /// The names of all shapes.
         pub const SHAPES: &[&str] = &[$($name),*];
-
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserr)]
-        #[deserr(error = Faults)]
-        enum ShapeName {
-            $(#[deserr(rename = $name)] $shape,)*
-        }
 
         impl Deserr<Faults> for Profile {
             fn deserialize_from_value<V: IntoValue>(
@@ -384,10 +357,11 @@ macro_rules! shapes {
                     let detail = "is missing. Enter the shape of the indenter, such as \"paraboloid\"";
                     return Err(Faults::at(here, detail));
                 };
-                let shape = ShapeName::deserialize_from_value(shape.into_value(), here)?;
+                let shape = <String as Deserr<Faults>>::deserialize_from_value(shape.into_value(), here)?;
                 let rest = Value::<V>::Map(map);
-                match shape {
-                    $(ShapeName::$shape => Deserr::deserialize_from_value(rest, location).map(Self::$shape),)*
+                match shape.as_str() {
+                    $($name => Deserr::deserialize_from_value(rest, location).map(Self::$shape),)*
+                    other => Err(Faults::at(here, unknown("value", other, SHAPES))),
                 }
             }
         }
@@ -395,15 +369,94 @@ macro_rules! shapes {
 }
 
 shapes! {
-    Paraboloid "paraboloid",
-    Sphere "sphere",
-    Cone "cone",
-    Power "power",
-    TruncatedParaboloid "truncated_paraboloid",
-    TruncatedCone "truncated_cone",
-    Table "table",
-    CrossedCylinders "crossed_cylinders",
-    Cylinder "cylinder",
-    Wedge "wedge",
-    Punch "punch",
+    /// f = r²/(2R).
+    Paraboloid(BallProfile) "paraboloid";
+    /// f = R − √(R² − r²).
+    Sphere(BallProfile) "sphere";
+    /// f = r·tan θ.
+    Cone(ConeProfile) "cone";
+    /// f = height·(r/at_radius)ⁿ.
+    Power(PowerProfile) "power";
+    /// f = (r² − b²)/(2R) outside the flat tip of radius b.
+    TruncatedParaboloid(FlatBallProfile) "truncated_paraboloid";
+    /// f = (r − b)·tan θ outside the flat tip of radius b.
+    TruncatedCone(FlatConeProfile) "truncated_cone";
+    /// A table of measured points.
+    Table(TableProfile) "table";
+    /// Two cylinders with perpendicular axes, one of them along the motion. The contact is nearly round.
+    CrossedCylinders(CrossedProfile) "crossed_cylinders";
+    /// A line contact with f = x²/(2R).
+    Cylinder(CylinderProfile) "cylinder";
+    /// A line contact with f = |x|·tan θ.
+    Wedge(WedgeProfile) "wedge";
+    /// A line contact with f = (|x| − b)²/(2R) outside the flat |x| < b.
+    Punch(PunchProfile) "punch";
+}
+
+super::rows::rows! {
+    "/profile/shape": Part, "Shape", "", PLAIN;
+    "/profile/geometry": Of("Geometry"), "Geometry", "", PLAIN;
+    /// Radii, strictly increasing (at 12 digits) from 0 on the axis.
+    "/profile/radius?height": List("Radius", 2, MAX_ROWS), "Radius", "$R$", RADIUS;
+    /// Radius R.
+    "/profile/radius": Of("Length"), "Radius", "$R$", RADIUS;
+    "/profile/radius/#": Part, "Radius of point #", "", MICRO;
+    /// The radius of the cylinder whose axis lies along the motion, then the radius of the other one.
+    "/profile/radii": List("Length", 2, 2), "Radii", "", RADIUS;
+    "/profile/radii/0": Part, "Radius, axis along the motion", "", RADIUS;
+    "/profile/radii/1": Part, "Radius, axis across the motion", "", RADIUS;
+    "/profile/slope_angle": Of("SlopeAngle"), "Slope angle", "$θ$", ANGLE;
+    "/profile/exponent": Of("Exponent"), "Exponent", "$n$", between(1.0, 10.0);
+    /// Where f is `height`.
+    "/profile/at_radius": Of("Length"), "Reference radius", "", RADIUS;
+    /// f at `at_radius`.
+    "/profile/height?at_radius": Of("Length"), "Height at reference radius", "", MICRO;
+    /// As many heights, none below the first.
+    "/profile/height": List("Height", 2, MAX_ROWS), "Height", "", MICRO;
+    "/profile/height/#": Part, "Height of point #", "", MICRO;
+    /// Radius b of the flat.
+    "/profile/flat_radius": Of("Length"), "Flat radius", "$b$", MICRO;
+    /// Half of the width of the flat, b.
+    "/profile/flat_half_width": Of("Length"), "Half-width of the flat", "$b$", RADIUS;
+    /// Radius R of the edges.
+    "/profile/edge_radius": Of("Length"), "Edge radius", "$R$", RADIUS;
+    /// Length of a line contact, across the motion; not for a round contact.
+    "/profile/length": Of("Length"), "Length of the contact", "", RADIUS;
+
+    forms:
+    /// f = r²/(2R): the usual stand-in for a ball.
+    Paraboloid "/profile" round ["shape=paraboloid", "radius"] [] r#"{"shape": "paraboloid", "radius": "10 mm"}"#;
+    /// f = R − √(R²−r²), for contacts that are not small beside the radius; up to a₀/R = 0.6.
+    Sphere "/profile" round ["shape=sphere", "radius"] [] r#"{"shape": "sphere", "radius": "10 mm"}"#;
+    /// f = r·tan θ.
+    Cone "/profile" round ["shape=cone", "slope_angle"] [] r#"{"shape": "cone", "slope_angle": "0.5 deg"}"#;
+    /// f = height·(r/at_radius)^exponent. For a line contact, r is the distance from the middle, and `length` is required.
+    PowerLaw "/profile" ["shape=power", "exponent", "height", "at_radius"] ["geometry", "length"]
+        r#"{"shape": "power", "exponent": 4, "height": "5 um", "at_radius": "0.2 mm"}"#;
+    /// f = (r²−b²)/(2R) for r > b, flat inside: a ball worn or cut at its tip. The springs under the flat slip all together, so that a
+    /// stick ratio is either 0, which means that just the flat sticks, or at least b/a₀.
+    TruncatedParaboloid "/profile" round ["shape=truncated_paraboloid", "radius", "flat_radius"] []
+        r#"{"shape": "truncated_paraboloid", "radius": "10 mm", "flat_radius": "60 um"}"#;
+    /// f = (r−b)·tan θ for r > b, flat inside. Stick ratios as for the truncated paraboloid.
+    TruncatedCone "/profile" round ["shape=truncated_cone", "slope_angle", "flat_radius"] []
+        r#"{"shape": "truncated_cone", "slope_angle": "0.5 deg", "flat_radius": "60 um"}"#;
+    /// Two cylinders with perpendicular axes, one of them along the motion. If the ratio of their radii is at most 1.5, the contact is
+    /// computed as round.
+    CrossedCylinders "/profile" round ["shape=crossed_cylinders", "radii"] []
+        r#"{"shape": "crossed_cylinders", "radii": ["10 mm", "10 mm"]}"#;
+    /// A line contact: f = x²/(2R), a cylinder whose axis lies across the motion.
+    Cylinder "/profile" line ["shape=cylinder", "radius", "length"] []
+        r#"{"shape": "cylinder", "radius": "10 mm", "length": "10 mm"}"#;
+    /// A line contact: f = |x|·tan θ.
+    Wedge "/profile" line ["shape=wedge", "slope_angle", "length"] []
+        r#"{"shape": "wedge", "slope_angle": "0.5 deg", "length": "10 mm"}"#;
+    /// A line contact: f = (|x|−b)²/(2R) for |x| > b, flat inside. A flat punch with rounded edges, as in tests of fretting fatigue.
+    Punch "/profile" line ["shape=punch", "flat_half_width", "edge_radius", "length"] []
+        r#"{"shape": "punch", "flat_half_width": "1 mm", "edge_radius": "3 mm", "length": "10 mm"}"#;
+    /// A measured profile: heights over radii, evenly spaced or not. The gap is the height less that on the axis. Noise is taken off by
+    /// local parabolas whose reach the points themselves decide (exact points are left as they are), and the points are joined by a
+    /// monotone cubic; more than 500 points are first averaged in groups of neighbours. The table must go on beyond the scar to come,
+    /// and the profile's image must rise as far. For a line contact, the radii are distances from the middle, and `length` is required.
+    Table "/profile" ["shape=table", "radius", "height"] ["geometry", "length"]
+        r#"{"shape": "table", "radius": [0, 0.0001, 0.0002, 0.0003], "height": ["0 um", "0.5 um", "2 um", "4.5 um"]}"#;
 }

@@ -1,28 +1,29 @@
 //! The request: a scenario in the form in which a client sends it.
 //!
-//! Each type corresponds to one object of the JSON Schema, whose members are in `inputs`. `deserr` parses all members and collects
-//! all faults. The module `scenario` does the checks that need contact
-//! mechanics.
+//! Each type corresponds to one object of the JSON Schema. The rows of its members follow the type. `deserr` parses all members and
+//! collects all faults. The module `scenario` does the checks that need contact mechanics.
 
+pub mod bodies;
 pub mod changing;
 pub mod fault;
 pub mod fields;
-pub mod forms;
 pub mod held;
 pub mod indenter;
 pub mod inputs;
 pub mod instants;
 pub mod quantity;
+pub mod rows;
 pub mod wear;
 
 use deserr::{Deserr, IntoValue as _, ValuePointerRef};
 use serde::Serialize;
 
+use bodies::{ElasticBody, Moduli};
 use changing::{Changing, Course};
 use fault::{Faults, Pointer, Valid};
 use fields::{
-    Bodies, DissipatedEnergy, Friction, Given, GivenXi, Length, PointCount, PoissonRatio, Rounded,
-    Stress, Tolerance, Volume,
+    Bodies, DissipatedEnergy, Friction, Given, GivenXi, Length, POINTS_RANGE, PointCount, Rounded,
+    Tolerance, Volume,
 };
 use held::{Load, Motion};
 use indenter::Profile;
@@ -143,30 +144,6 @@ impl Request {
     }
 }
 
-/// One elastic body.
-#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
-#[deserr(error = Faults, deny_unknown_fields)]
-pub struct ElasticBody {
-    /// Young's modulus E.
-    pub youngs_modulus: Stress,
-    /// Poisson's ratio ν.
-    pub poisson_ratio: PoissonRatio,
-    /// Yield strength. It is used for a warning only.
-    #[deserr(default)]
-    pub yield_strength: Given<Stress>,
-}
-
-/// The effective moduli.
-#[derive(Debug, Clone, Copy, PartialEq, Deserr)]
-#[deserr(error = Faults, deny_unknown_fields)]
-pub struct Moduli {
-    /// Normal modulus E*.
-    pub normal: Stress,
-    /// Tangential modulus G*. It has no meaning for a line contact.
-    #[deserr(default)]
-    pub tangential: Given<Stress>,
-}
-
 /// The method by which wear is computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserr)]
 #[deserr(error = Faults, rename_all = lowercase)]
@@ -222,4 +199,52 @@ impl Model {
         }
         faults.or(())
     }
+}
+
+rows::rows! {
+    "/friction": Part, "Friction coefficient", "$μ$", FRICTION;
+    "/friction/run_in/cycles": Part, "Run-in cycles of μ", "", PLAIN;
+    "/friction/run_in/from": Part, "μ at the start", "", FRICTION;
+    "/friction/run_in/to": Part, "μ after the run-in", "", FRICTION;
+    "/friction/over": Part, "μ changes over", "", PLAIN;
+    "/friction/at?over=dissipated_energy": Part, "Points of the table of μ", "", ENERGY;
+    "/friction/at": Part, "Points of the table of μ", "", PLAIN;
+    "/friction/values": Part, "Values of μ", "", FRICTION;
+    "/cycles": Part, "Output cycles", "", PLAIN;
+    "/cycles/normalized": Part, "Output cycles in N₀", "", PLAIN;
+    "/cycles/dissipated_energy": Part, "Dissipated energies of the outputs", "", ENERGY;
+    "/profiles_at": Part, "Cycles with profiles", "", PLAIN;
+    /// Largest wear depth.
+    "/until/wear_depth": Of("Length"), "Stop at wear depth", "", MICRO;
+    /// Wear volume of both bodies.
+    "/until/wear_volume": Of("Volume"), "Stop at wear volume", "", VOLUME;
+    /// Energy dissipated since the start.
+    "/until/dissipated_energy": Of("DissipatedEnergy"), "Stop at dissipated energy", "", ENERGY;
+    /// `exact` wears by local pressure times local slip. `simplified` is the rule (14) of the paper, an approximation for comparison with
+    /// the paper. It is fast only with depth and amplitude held, and it needs a round contact, constant coefficients and no layers. By
+    /// default `exact`.
+    "/model/method": Word(&["exact", "simplified"]), "Method", "", PLAIN;
+    /// The parameter ξ of the rule (14). `auto`, the default, computes ξ = √(0.33 + 0.20/(1 − c/a₀)) from the stick ratio c/a₀ of the
+    /// unworn contact at the largest amplitude (0 in gross slip); the canonical scenario holds the number. The paper uses 0.8. The exact
+    /// method uses ξ only for `compare`.
+    "/model/xi": Either(&["Auto", "Xi"]), "Fitting parameter", "$ξ$", PLAIN;
+    /// The relative error of wear volume and depth at which the exact method aims, no bound: the result states its errors. The simplified
+    /// rule ignores it. By default 0.003.
+    "/model/tolerance": Of("Tolerance"), "Tolerance", "", PLAIN;
+    /// Run the simplified rule beside an exact run, where that rule applies: `comparison` then holds its history, its errors and the ξ that
+    /// fits best. The simplified rule ignores it. By default false.
+    "/model/compare": Flag, "Compare with simplified rule", "", PLAIN;
+    /// Radii of a profile; the volume is right to about 1e-4 at 256, with second order up to 512. More radii only make the curves denser. By
+    /// default 256.
+    "/model/points": Whole(POINTS_RANGE.0, POINTS_RANGE.1), "Output radii", "", PLAIN;
+
+    forms:
+    /// A largest depth.
+    UntilDepth "/until" ["wear_depth"] [];
+    /// A wear volume.
+    UntilVolume "/until" ["wear_volume"] [];
+    /// A dissipated energy.
+    UntilEnergy "/until" ["dissipated_energy"] [];
+    /// How wear is computed.
+    Model "/model" [] ["method", "xi", "tolerance", "compare", "points"];
 }

@@ -202,3 +202,54 @@ impl GivenWear {
         Ok(Wear { law: WearLaw::PerLoad(Changing::Constant(both)), share })
     }
 }
+
+super::rows::rows! {
+    /// The dimensionless k; k_w = k/hardness must lie between 1e-30 and 1 1/Pa.
+    "/wear/coefficient?hardness": Either(&["ArchardCoefficient", "ChangeTable", "RunIn"]), "Archard coefficient", "$k$", PLAIN;
+    /// k_w, a table of it, or a run-in.
+    "/wear/coefficient": Either(&["WearCoefficient", "ChangeTable", "RunIn"]), "Wear coefficient", "$k_w$", WEAR;
+    "/wear/coefficient/run_in/cycles": Part, "Run-in cycles of k_w", "", PLAIN;
+    "/wear/coefficient/run_in/from?/wear/hardness": Part, "k at the start", "", PLAIN;
+    "/wear/coefficient/run_in/to?/wear/hardness": Part, "k after the run-in", "", PLAIN;
+    "/wear/coefficient/values?/wear/hardness": Part, "Values of k", "", PLAIN;
+    "/wear/coefficient/run_in/from": Part, "k_w at the start", "", WEAR;
+    "/wear/coefficient/run_in/to": Part, "k_w after the run-in", "", WEAR;
+    "/wear/coefficient/over": Part, "k_w changes over", "", PLAIN;
+    "/wear/coefficient/at?over=dissipated_energy": Part, "Points of the table of k_w", "", ENERGY;
+    "/wear/coefficient/at": Part, "Points of the table of k_w", "", PLAIN;
+    "/wear/coefficient/values": Part, "Values of k_w", "", WEAR;
+    /// Hardness σ₀ of the softer body.
+    "/wear/hardness": Of("Stress"), "Hardness", "", HARDNESS;
+    /// α; k_w = μα. It is constant, also if the friction changes.
+    "/wear/energy_coefficient": Of("EnergyWear"), "Energy coefficient", "$α$", ENERGY_WEAR;
+    /// The share of the wear volume that the first body, which carries the profile, loses; `bodies` of the result then says what each
+    /// wears.
+    "/wear/share": Of("Share"), "Wear share of body 1", "", RATIO;
+    /// The two bodies, first the one that carries the profile. At least one body must never stop wearing: all its coefficients are
+    /// above 0.
+    "/wear/bodies": List("WornBody", 2, 2), "Wear of each body", "", PLAIN;
+    /// The layers, from the surface inwards.
+    "/wear/bodies/#/layers": List("Layer", 0, MAX_LAYERS), "Body #: layers", "", PLAIN;
+    /// k_w of the material below the layers.
+    "/wear/bodies/#/coefficient?layers": Of("WearRate"), "Body #, below the layers:", "$k_w$", WEAR;
+    "/wear/bodies/#/coefficient": Part, "Body #:", "$k_w$", WEAR;
+    /// Thickness of the layer.
+    "/wear/bodies/#/layers/#/thickness": Of("Length"), "Body #, layer #: thickness", "", MICRO;
+    /// k_w of the layer.
+    "/wear/bodies/#/layers/#/coefficient": Of("WearRate"), "Body #, layer #:", "$k_w$", WEAR;
+
+    forms:
+    /// The wear coefficient of both bodies together.
+    SpecificWearRate "/wear" ["coefficient"] ["share"];
+    /// The wear coefficient of both bodies together as a number without a unit.
+    Archard "/wear" ["coefficient", "hardness"] ["share"];
+    /// The wear volume of both bodies together per dissipated energy.
+    EnergyWearCoefficient "/wear" ["energy_coefficient"] ["share"];
+    /// The wear coefficients of each body. Bodies without layers are the same as `coefficient` with `share`.
+    BodiesAndLayers "/wear" ["bodies"] []
+        r#"{"bodies": [{"coefficient": 0}, {"layers": [{"thickness": "3 um", "coefficient": "1e-6 mm^3/(N m)"}], "coefficient": "3e-5 mm^3/(N m)"}]}"#;
+    /// How one body wears: its layers, and the material below them.
+    WornBody "/wear/bodies/#" ["coefficient"] ["layers"];
+    /// A layer on a body.
+    Layer "/wear/bodies/#/layers/#" ["thickness", "coefficient"] [];
+}

@@ -6,9 +6,9 @@ use std::sync::LazyLock;
 use serde_json::{Map, Value, json};
 
 use crate::input::fields::{Described, QUANTITIES};
-use crate::input::forms::{FORMS, ObjectForm};
-use crate::input::inputs::{Form, Input};
+use crate::input::inputs::forms;
 use crate::input::quantity::Dimension;
+use crate::input::rows::{Form, Input, ObjectForm};
 
 /// The JSON Schema of a scenario, version 2020-12.
 pub static SCHEMA: LazyLock<String> = LazyLock::new(|| format!("{:#}\n", schema()));
@@ -23,7 +23,7 @@ fn schema() -> Value {
     for quantity in QUANTITIES {
         schema["$defs"][quantity.name] = definition(quantity);
     }
-    for form in FORMS {
+    for form in forms() {
         schema["$defs"][form.name] = object(form);
     }
     close(&mut schema);
@@ -37,7 +37,7 @@ fn reference(name: &str) -> Value {
 /// Puts the forms of an object in the place of its pointer.
 fn choose(choice: &mut Value) {
     let Some(pointer) = choice["oneOf"].as_str() else { return };
-    let forms: Vec<_> = FORMS.iter().filter(|form| form.pointer == pointer).collect();
+    let forms: Vec<_> = forms().filter(|form| form.pointer == pointer).collect();
     let shape = |form: &&ObjectForm| {
         let (_, shape) = form.members().next()?;
         Some((shape?.to_owned(), reference(form.name)["$ref"].take()))

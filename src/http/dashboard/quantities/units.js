@@ -6,7 +6,7 @@ import { EVENTS, FORMS, INPUTS, LINE_WORDS, NAMES, VALUES } from "./words.js";
 
 export { digits, quantity, si, useSi };
 
-const SHAPES = FORMS.filter(({ example }) => example.shape);
+const SHAPES = FORMS.filter(({ example }) => example?.shape);
 const capital = (name) => `${name[0].toUpperCase()}${name.slice(1).replaceAll("_", " ")}`;
 
 /** The words that the dashboard shows for the names of the server. */
