@@ -50,6 +50,11 @@ const runIn = (pointer, name) => [
   [`${pointer}/run_in/cycles`, "", null, `${name} changes evenly during these cycles. Then it stays constant.`],
   [`${pointer}/run_in/from`], [`${pointer}/run_in/to`]];
 
+/** The optional members of the wear of both bodies together. */
+const WEAR_OPTIONS = formsOf("/wear")[0].optional;
+/** The hint of an optional number, with the ends of a plain one. */
+const hintOf = (pointer) => `(${[inputAt(pointer)[3].slide?.join(" to "), "optional"].filter(Boolean).join(", ")})`;
+
 const layersOf = ({ wear }, body) => wear?.bodies?.[body]?.layers ?? [];
 const hasLayers = (scenario) => [0, 1].some((body) => layersOf(scenario, body).length > 0);
 
@@ -161,7 +166,7 @@ export const CHOICES = [
       return course === "number" ? "coefficient" : course;
     },
     apply: (scenario, kind) => {
-      const { share } = scenario.wear ?? {};
+      const kept = Object.entries(scenario.wear ?? {}).filter(([name]) => WEAR_OPTIONS.includes(name));
       scenario.wear = {
         coefficient: { coefficient: "3.03e-5 mm^3/(N m)" },
         run_in: { coefficient: { run_in: { cycles: 1000, from: "1e-4 mm^3/(N m)", to: "3.03e-5 mm^3/(N m)" } } },
@@ -171,7 +176,7 @@ export const CHOICES = [
         bodies: { bodies: [{ coefficient: "3.03e-5 mm^3/(N m)" },
           { layers: [{ ...LAYER }], coefficient: "3.03e-5 mm^3/(N m)" }] },
       }[kind];
-      if (share !== undefined) scenario.wear.share = share;
+      Object.assign(scenario.wear, Object.fromEntries(kept));
     },
     edits: (kind) => (kind === "changing" ? ["/wear/coefficient"] : []),
     fields: (kind) => [
@@ -183,7 +188,7 @@ export const CHOICES = [
         hardness: [["/wear/coefficient"], ["/wear/hardness"]],
         energy: [["/wear/energy_coefficient"]],
       }[kind],
-      ...(kind === "bodies" ? [] : [["/wear/share", "(0 to 1, optional)"]])],
+      ...(kind === "bodies" ? [] : WEAR_OPTIONS.map((name) => [`/wear/${name}`, hintOf(`/wear/${name}`)]))],
   },
   ...[0, 1].map((body) => ({
     id: `layers-${body + 1}`, group: "Material", label: `Body ${body + 1}: layers`,
