@@ -257,11 +257,9 @@ impl Shape {
             ShapeKind::Power(n) if c > 0.0 => {
                 libm::pow(c, n) * libm::expm1(n * libm::log1p(delta / c))
             }
-            ShapeKind::Power(_) | ShapeKind::Sphere { .. } | ShapeKind::Punch(_) => {
-                self.image(x) - self.image(c)
-            }
             ShapeKind::Truncated(ref shape) => shape.image_rise(c, delta),
             ShapeKind::Table(ref table) => table.image_rise(c, delta),
+            _ => self.image(x) - self.image(c),
         }
     }
 
@@ -352,9 +350,7 @@ impl Shape {
             ShapeKind::Power(n) => libm::pow(x, n + 1.0) / (n + 1.0),
             // The image of a table has too many pieces for a single Gauss rule.
             ShapeKind::Table(ref table) => table.area(x),
-            ShapeKind::Sphere { .. } | ShapeKind::Truncated(_) | ShapeKind::Punch(_) => {
-                integrate_beyond(0.0, x, self.kinks(), |x| self.image(x))
-            }
+            _ => integrate_beyond(0.0, x, self.kinks(), |x| self.image(x)),
         }
     }
 
@@ -364,12 +360,11 @@ impl Shape {
             _ if self.geometry == Geometry::Line => 0.5,
             ShapeKind::Whole(n) => f64::from(n) / (f64::from(n) + 1.0),
             ShapeKind::Power(n) => n / (n + 1.0),
+            ShapeKind::Truncated(ref shape) => shape.half_force(),
+            ShapeKind::Table(ref table) => table.half_force(),
             // Sneddon's closed form loses all digits for a large sphere, but the integrand is
             // smooth.
-            ShapeKind::Sphere { .. } => integrate(0.0, 1.0, |x| 1.0 - self.image(x)),
-            ShapeKind::Truncated(ref shape) => shape.half_force(),
-            ShapeKind::Punch(_) => 0.5,
-            ShapeKind::Table(ref table) => table.half_force(),
+            _ => integrate(0.0, 1.0, |x| 1.0 - self.image(x)),
         }
     }
 
