@@ -501,7 +501,7 @@ fn the_recipes_name_what_is_in_the_files() {
         ("crates/engine/src/scenario/mod.rs", &["NUMERICS"]),
         ("crates/job/src/outline.rs", &["scalars!", "SCALARS"]),
         ("crates/engine/src/contact/control.rs", &["enum Held", "tends_to"]),
-        ("crates/engine/src/input/indenter.rs", &["enum Profile"]),
+        ("crates/engine/src/input/indenter.rs", &["shapes! {", "rows! {", "fn length("]),
         ("crates/engine/src/scenario/indenter.rs", &["enum ProfileForm"]),
         ("crates/engine/src/contact/profile.rs", &["enum ShapeKind"]),
         ("crates/study/src/kinds/mod.rs", &["pub const ALL"]),
@@ -510,6 +510,8 @@ fn the_recipes_name_what_is_in_the_files() {
         ("src/http/metrics/mod.rs", &["const MEASURED"]),
         ("src/http/dashboard/docs.rs", &["const PAGES"]),
         ("src/http/dashboard/run/sketch.js", &["function gap"]),
+        ("src/http/dashboard/form/field-list.js", &["WEAR_OPTIONS", "fields:"]),
+        ("src/http/dashboard/library/summary.js", &["const titleOfRun"]),
         ("src/http/dashboard/figure/run.js", &["HISTORIES"]),
     ] {
         assert!(text.contains(file), "no recipe names {file}");
