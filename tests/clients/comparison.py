@@ -215,6 +215,26 @@ def limits(page, base, keys):
     expect(page.get_by_role("link", name="library", exact=True)).to_be_visible()
 
 
+def named(browser, base):
+    """Curves are named by what differs. Before the points of smooth lines have come, no straight line joins the outputs."""
+    keys = [submit(base, {"load": {"normal_force": f"{force} N", "held": "force"}}, f"Force {force}") for force in (140, 150)]
+    page = browser.page(base)
+    waiting = []
+    page.route("**/history/smooth*", lambda route: waiting.append(route))
+    page.goto(f"{base}/#/compare?keys={','.join(keys)}")
+    first = page.locator("section[aria-label='First history']")
+    expect(first.locator(".curve")).to_have_count(2)
+    expect(first.locator(".curve[stroke-width='0']")).to_have_count(2)
+    expect(first.locator(".drawing")).to_contain_text("A: 140\u00a0N")
+    for route in waiting:
+        route.continue_()
+    expect(first.locator(".curve[stroke-width='2']")).to_have_count(2)
+    page.click("[aria-label='Save comparison-first']")
+    saved = downloaded(page, page.get_by_role("button", name="Save comparison-first as SVG").click).decode()
+    assert ">140\u00a0N<" in saved and ">150\u00a0N<" in saved and "Force 140" not in saved, saved
+    page.context.close()
+
+
 def derived(page, base, key):
     """A run that was edited says from which run, what differs, and leads to the comparison of both."""
     page.goto(f"{base}/#/result/{key}")
@@ -258,6 +278,7 @@ def comparison(browser, base):
     remove(page, base, keys)
     share(browser, page, base, keys)
     limits(page, base, keys)
+    named(browser, base)
     derived(page, base, keys[0])
     page.context.close()
     return f"/#/compare?keys={','.join(keys)}"

@@ -98,6 +98,90 @@ def save(page, base, key):
         expect(menu).not_to_have_attribute("open", "")
 
 
+def column_of(content, name):
+    """A column of a saved CSV."""
+    head, *rows = csv.reader(content.decode().splitlines())
+    place = head.index(name)
+    return [float(row[place]) for row in rows]
+
+
+def near(found, expected):
+    assert len(found) == len(expected) and all(abs(a - b) <= 1e-9 * max(map(abs, expected)) for a, b in zip(found, expected, strict=True)), (found[:4], expected[:4])
+
+
+def papers(browser, base):
+    """A figure for a paper: chosen cycles in units of the unworn contact, the rule with a ξ of one's own beside them, own names, as PDF."""
+    body = ask(base, "/v1/examples/steel-ball")
+    page = browser.page(base, before="window.print = () => {}")
+    key = ask(base, "/v1/jobs", body)["key"]
+    open_result(page, base, key)
+    profiles = figure_of(page, "Profiles")
+    page.locator("#profile-menu summary").click()
+    for cycles in ("1\u202f000", "10\u202f000", "100\u202f000"):
+        page.get_by_label(f"N = {cycles}", exact=True).check()
+    page.get_by_label("Simplified rule beside").check()
+    page.get_by_label("ξ of the simplified rule").fill("0.9")
+    page.get_by_label("ξ of the simplified rule").press("Tab")
+    expect(profiles.locator(".curve[stroke-dasharray='2 3']")).to_have_count(3)
+    page.keyboard.press("Escape")
+    page.select_option("#choose-scale", "ratio")
+    result, rule = ask(base, f"/v1/results/{key}"), ask(base, "/v1/evaluate", {"scenario": {
+        **body["scenario"], "model": {"method": "simplified", "xi": 0.9}}, "parts": ["profiles"]})["profiles"]
+    content = saved(page, "Profiles", "CSV")
+    own, scales = result["profiles"], result["scales"]
+    for cycles, text in ((1000, "1\u202f000"), (100_000, "100\u202f000")):
+        near(column_of(content, f"N = {text} (1)"), [height / scales["indentation_depth"] for height in own["worn"][own["cycles"].index(cycles)]])
+        near(column_of(content, f"N = {text}, ξ = 0.9 (1)"), [height / scales["indentation_depth"] for height in rule["worn"][rule["cycles"].index(cycles)]])
+    near(column_of(content, "Radius (1)"), [radius / scales["contact_radius"] for radius in own["radius"]])
+    # Names and order, which the address keeps.
+    menu = profiles.locator("details.save")
+    menu.locator("summary").click()
+    menu.get_by_label("Name of N = 10\u202f000", exact=True).fill("after a day")
+    menu.get_by_label("Name of N = 10\u202f000", exact=True).press("Tab")
+    names = "inputs => inputs.map(({value}) => value)"
+    before = menu.locator(".names input").evaluate_all(names)
+    menu.get_by_role("button", name="Move N = 10\u202f000 up", exact=True).click()
+    after = menu.locator(".names input").evaluate_all(names)
+    place = before.index("after a day")
+    assert after.index("after a day") == place - 1 and sorted(after) == sorted(before), (before, after)
+    page.reload()
+    page.wait_for_selector("#headline dd")
+    expect(profiles.locator(".curve[stroke-dasharray='2 3']")).to_have_count(3)
+    assert "after a day" in saved(page, "Profiles", "SVG").decode()
+    # The page of the PDF has the size of the figure.
+    menu.locator("summary").click()
+    menu.get_by_role("button", name="as PDF").click()
+    pdf = page.pdf(prefer_css_page_size=True)
+    sizes = re.findall(rb"/MediaBox\s*\[0 0 ([\d.]+) ([\d.]+)\]", pdf)
+    assert len(sizes) == 1 and all(abs(float(size) - mm * 72 / 25.4) < 1 for size, mm in zip(sizes[0], (85, 60), strict=True)), sizes
+    words = " ".join(ghostscript(pdf, "txtwrite").decode().replace("\u00a0", " ").split())
+    assert "after a day" in words and "Largest wear depth" not in words, words
+    expect(page.locator(".figure-page")).to_have_count(0)
+    page.context.close()
+
+
+def same_cycle(page, base, key):
+    """The cycle that is read in one figure is marked in the others."""
+    open_result(page, base, key)
+    profiles, history = figure_of(page, "Profiles"), figure_of(page, "History")
+    history.get_by_role("slider").focus()
+    page.keyboard.press("End")
+    page.keyboard.press("ArrowLeft")
+    read = readout(page, "History")["Cycles"]
+    expect(profiles.locator(".curve.lit")).to_have_count(1)
+    expect(profiles.locator(".marked")).to_have_text(f"Marked: N\u00a0=\u00a0{read}")
+    page.keyboard.press("Escape")
+    expect(profiles.locator(".curve.lit")).to_have_count(0)
+    # The pointer on a curve of another cycle marks that cycle in the history.
+    d = profiles.locator(".curve").first.get_attribute("d")
+    x, y = map(float, re.match(r"M([\d.]+) ([\d.]+)", d).groups())
+    canvas = profiles.locator(".canvas")
+    canvas.hover(position={"x": x + 2, "y": y})
+    first = ask(base, f"/v1/results/{key}")["profiles"]["cycles"][1]
+    assert value(readout(page, "History")["Cycles"]) == first, readout(page, "History")
+    page.mouse.move(0, 0)
+
+
 def smooth(browser, base):
     """A history of five outputs is drawn through more points of the same run. The outputs are marked, and the names stand in a saved figure."""
     page = browser.page(base)
@@ -288,6 +372,7 @@ def views(browser, base):
     explanations(page)
     on_screen(browser, page)
     hold(page)
+    same_cycle(page, base, key)
     warnings(page, base)
     live(page, base)
     page.context.close()
@@ -297,4 +382,5 @@ def views(browser, base):
     on_screen(browser, narrow)
     narrow.context.close()
     printed(browser, base, key)
+    papers(browser, base)
     smooth(browser, base)

@@ -92,7 +92,7 @@ async fn report(server: &Server, key: &str, query: &str) -> String {
     assert_eq!(reply.header("content-type"), Some("text/html; charset=utf-8"));
     let policy = reply.header("content-security-policy").unwrap();
     assert!(policy.starts_with("default-src 'none'; script-src 'sha256-"), "{policy}");
-    assert!(policy.ends_with("; sandbox allow-scripts allow-downloads"), "{policy}");
+    assert!(policy.ends_with("; sandbox allow-scripts allow-downloads allow-modals"), "{policy}");
     assert!(!policy.contains("unsafe"), "{policy}");
     // The policy holds for a saved file, too.
     let own = policy.split("; frame-ancestors").next().unwrap();

@@ -66,8 +66,8 @@ const SCRIPTS: &[File] = scripts!(
     // The form and the page of a fit.
     "fit": "figures" "form" "names" "page";
     // A job while it runs, and its result.
-    "run": "again" "details" "estimate" "headline" "result" "run" "runs" "section" "sketch"
-        "smooth" "so-far" "warnings";
+    "run": "again" "details" "estimate" "headline" "profile-menu" "result" "run" "runs" "section"
+        "sketch" "smooth" "so-far" "warnings";
     // The comparison of runs.
     "compare": "compare" "figures" "rows" "table";
     // The form of a new run or study.

@@ -59,7 +59,7 @@ static SHELL: LazyLock<Shell> = LazyLock::new(|| {
 /// The policy of a served report. In its sandbox, it has an origin of its own: it can use neither the session of the browser
 /// nor what the page keeps.
 pub fn policy() -> String {
-    format!("{}; frame-ancestors 'none'; sandbox allow-scripts allow-downloads", SHELL.policy)
+    format!("{}; frame-ancestors 'none'; sandbox allow-scripts allow-downloads allow-modals", SHELL.policy)
 }
 
 /// The file.

@@ -5,7 +5,7 @@ import { button, choice, fill, h, select } from "../page/dom.js";
 import { cycles, WORDS } from "../quantities/units.js";
 import { may } from "../access/allowed.js";
 import { Problem, resultAddress } from "../access/api.js";
-import { Cursors, Figure } from "../figure/figure.js";
+import { Cursors, Figure, restore, wordsOf } from "../figure/figure.js";
 import { playButton } from "../figure/player.js";
 import { PROFILES } from "../figure/run.js";
 import { saveAs } from "../figure/save.js";
@@ -14,7 +14,7 @@ import { jobsOf, loadResult } from "../library/stored.js";
 import { entryOf, kindOf, labelOf, title } from "../library/summary.js";
 import { smooth } from "../run/smooth.js";
 import { COLUMNS, drawHistories, drawLoops, drawProfiles } from "./figures.js";
-import { rowsOf } from "./rows.js";
+import { rowsOf, whatDiffers } from "./rows.js";
 import { drawTable, tableText } from "./table.js";
 
 /** The line of each letter: a colour that colour-blind people can distinguish, and a dash that no other has, also in print. */
@@ -81,7 +81,7 @@ export async function showCompare(main, { query, signal }) {
 
   /** The words of the address. The first key is the baseline. */
   const words = () => new URLSearchParams({ keys: runs.map(({ key }) => key), letters: runs.map(({ letter }) => letter).join(""), ...state,
-    at: String(steps[step] ?? "end"), ...Object.fromEntries(Object.entries(figures).filter(([, { zoom }]) => zoom).map(([name, { zoomText }]) => [`zoom-${name}`, zoomText])) });
+    at: String(steps[step] ?? "end"), ...wordsOf(figures) });
   const addressOf = (all) => `#/compare?${String(all).replaceAll("%2C", ",")}`;
   function remember() {
     const all = words();
@@ -101,7 +101,7 @@ export async function showCompare(main, { query, signal }) {
   let frame = null;
   const group = new Cursors();
   const figures = Object.fromEntries(["profile", "first", "second", "loop"].map((name) => [name, new Figure({ name: `comparison-${name}`, group, signal, onzoom: remember })]));
-  for (const [name, figure] of Object.entries(figures)) figure.zoomText = query.get(`zoom-${name}`);
+  restore(figures, query);
   const notes = Object.fromEntries(Object.keys(figures).map((name) => [name, h("p", { class: "muted", "data-note": name })]));
   const table = h("section", { class: "card", "aria-label": "Table" });
   const heading = h("h1", {});
@@ -125,6 +125,7 @@ export async function showCompare(main, { query, signal }) {
     slider.setAttribute("aria-valuetext", at === null ? "End of each run" : `${cycles(at)} cycles`);
     const shown = runs.map((run) => ({ ...run, row: at === null ? run.result.history.cycles.length - 1 : run.result.history.cycles.indexOf(at) }));
     rows = rowsOf(shown);
+    shown.forEach((run, i) => { run.what = whatDiffers(rows.inputs, i); });
     drawTable(table, shown, rows, table.querySelector("details")?.open, { makeFirst, remove });
     drawProfiles(figures.profile, notes.profile, shown, state.plot);
     for (const name of ["first", "second"]) drawHistories(figures[name], notes[name], shown, state[name], state.log);
@@ -187,8 +188,12 @@ export async function showCompare(main, { query, signal }) {
     card("First history", "first", [choose("first", "History", columns, ["first"]), choose("log", "Axes", { x: "log N", "": "Linear", xy: "log–log" }, ["first", "second"])]),
     card("Second history", "second", choose("second", "History", columns, ["second"])),
     card("Fretting loops", "loop", h("span", { class: "muted" }, "Force over displacement in one cycle"))));
+  // Straight lines between few points would say something false until more points are there.
+  for (const { result } of runs) result.history.isRough = true;
   arrange(runs);
   document.addEventListener("units", draw, { signal });
   await smooth(runs, signal);
-  if (!signal.aborted) draw();
+  if (signal.aborted) return;
+  for (const { result } of runs) delete result.history.isRough;
+  draw();
 }

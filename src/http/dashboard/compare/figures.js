@@ -12,7 +12,7 @@ export const COLUMNS = ["wear_volume", "wear_depth", "dissipated_energy", "energ
 /** Longest name of a run in a saved figure. */
 const NAME = 45;
 
-const styleOf = ({ letter, name, ink, dash }) => ({ name: letter, whole: `${letter}: ${name}`.slice(0, NAME), ink, dash });
+const styleOf = ({ letter, name, what, ink, dash }) => ({ name: what ? `${letter}: ${what}` : letter, whole: what || `${letter}: ${name}`.slice(0, NAME), letter, ink, dash });
 
 /** Says which runs are left out of a figure, and why; nothing if all are drawn. */
 const leftOut = (runs, reason) => runs.length > 0 && `Not drawn: ${runs.map(({ letter }) => letter).join(", ")}, ${reason}.`;
@@ -32,14 +32,14 @@ export function drawProfiles(figure, words, runs, name) {
     return { ...styleOf(run), x: profiles.radius, y: profiles[name][row], label: "apart", at: profiles.cycles[row], wanted: history.cycles[run.row] };
   });
   figure.element.hidden = !curves.length;
-  const others = curves.filter(({ at, wanted }) => at !== wanted).map(({ name: letter, at }) => `${letter} has no profile there and is shown at N\u00a0=\u00a0${cycles(at)}.`);
+  const others = curves.filter(({ at, wanted }) => at !== wanted).map(({ letter, at }) => `${letter} has no profile there and is shown at N\u00a0=\u00a0${cycles(at)}.`);
   const missing = leftOut(runs.filter((run) => !drawn.includes(run)), "without profiles");
   if (!curves.length) return void (words.textContent = missing);
   const { units, scenario } = drawn[0].result;
   const letter = isLine(scenario.profile) ? "x" : "r";
   const differences = curves.slice(1).map((curve) => [curve, maxDifference(curves[0], curve)]).filter(([, found]) => found)
-    .map(([curve, { value, at }]) => `${curve.name} ${quantity(value, units[name], 3)} at ${letter}\u00a0=\u00a0${quantity(at, units.radius, 3)}`);
-  words.textContent = [differences.length > 0 && `Largest difference from ${curves[0].name}: ${differences.join(", ")}.`, ...others, missing].filter(Boolean).join(" ");
+    .map(([curve, { value, at }]) => `${curve.letter} ${quantity(value, units[name], 3)} at ${letter}\u00a0=\u00a0${quantity(at, units.radius, 3)}`);
+  words.textContent = [differences.length > 0 && `Largest difference from ${curves[0].letter}: ${differences.join(", ")}.`, ...others, missing].filter(Boolean).join(" ");
   const at = whenOf(drawn);
   figure.title = at === null ? `${WORDS[name]} at the end of each run` : after(name, at);
   const across = wordOf("radius", scenario);

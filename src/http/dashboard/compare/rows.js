@@ -93,6 +93,16 @@ function cyclesRow(runs) {
     isEqual: false, isHidden: all.every((value) => value === all[0]) };
 }
 
+/** At most this many inputs name a curve, and with at most this many characters. */
+const [NAMING, LONGEST] = [2, 28];
+
+/** What tells the run `i` from the others, for example "20 N" or "F = 20 N, μ = 0.6"; empty if many inputs differ. */
+export function whatDiffers(inputs, i) {
+  const parts = inputs.map(({ name, cells }) => (inputs.length > 1 ? `${name.split(" ").at(-1)}\u00a0=\u00a0${cells[i].text}` : cells[i].text));
+  const text = parts.join(", ");
+  return parts.length <= NAMING && text.length <= LONGEST && !text.includes("–") ? text : "";
+}
+
 /**
  * The rows of runs, each with the `row` of its history that is shown: `inputs` that differ, `outputs`, and what is `equal`. Lengths
  * of the contact have the names of the first run.

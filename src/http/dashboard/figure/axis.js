@@ -1,6 +1,6 @@
 // The axes of a figure: their ends, their units, their ticks, and the map from values to pixels.
 
-import { axisUnit, powerOfTen, spaced } from "../quantities/scaling.js";
+import { axisUnit, digits, powerOfTen, spaced, unitFor } from "../quantities/scaling.js";
 import { extent } from "./curves.js";
 
 /** A logarithmic axis over fewer decades has ticks at equal steps. */
@@ -35,16 +35,19 @@ function roundEnds([low, high], log, count) {
 
 /**
  * An axis with its ends in SI units, drawn from the pixel `from` to the pixel `to`, and with about `count` ticks.
- * `at` gives the pixel of a value and `value` the value at a pixel.
+ * `at` gives the pixel of a value and `value` the value at a pixel. `read` writes a value. With `per`, the axis shows multiples of this value. Its unit
+ * suits values up to `size`, too.
  */
-export function placeAxis({ unit, log, title, symbol }, [low, high], [from, to], count) {
+export function placeAxis({ unit, log, title, symbol, per, size: least = 0 }, [low, high], [from, to], count) {
   // A logarithmic axis has the unit of its middle: 1 N to 1000 N stay N.
-  const { unit: shown, factor } = axisUnit(unit, log ? Math.sqrt(low) * Math.sqrt(high) : Math.max(Math.abs(low), Math.abs(high)));
+  const size = Math.max(least, log ? Math.sqrt(low) * Math.sqrt(high) : Math.max(Math.abs(low), Math.abs(high)));
+  const { unit: shown, factor } = per ? { unit: "", factor: 1 / per } : axisUnit(unit, size);
   const place = log ? Math.log10 : (value) => value;
   const [start, length] = [place(low), place(high) - place(low)];
   const slope = (to - from) / length;
   return {
     ends: [low, high], log, factor, unit: shown, title, symbol,
+    read: per ? (value, count) => digits(value == null ? null : value / per, count) : unitFor(unit, size),
     at: (value) => from + (place(value) - start) * slope,
     value: (pixel) => {
       const own = start + (pixel - from) / slope;
@@ -64,8 +67,8 @@ function evenTicks(low, high, count) {
   let step = stepOf(high - low, count);
   const slack = 1e-9 * (high - low);
   const range = () => [Math.ceil((low - slack) / step), Math.floor((high + slack) / step)];
-  // With a single tick the reader does not know the step.
-  while (range()[0] >= range()[1]) step /= 2;
+  // Three ticks show that the steps are even.
+  while (range()[0] + 2 > range()[1]) step /= 2;
   // A halved step such as 2.5 has more digits than one.
   const digits = Number(step.toPrecision(3)).toExponential().replace(/\.|e.*/g, "").length;
   const decimals = Math.max(0, digits - 1 - Math.floor(Math.log10(step) + 1e-9));

@@ -1,6 +1,7 @@
 // A figure with curves: it chooses units and axes, names the curves at their ends, and can be read, zoomed and saved.
 
 import { h, svg } from "../page/dom.js";
+import { cycles, WORDS } from "../quantities/units.js";
 import { extent } from "./curves.js";
 import { drawFigure, planFigure } from "./draw.js";
 import { Reader } from "./reader.js";
@@ -19,10 +20,24 @@ export class Cursors {
     this.#figures.delete(figure);
   }
 
-  /** Moves the cursors of the other figures. `x` is null if the cursor disappears. */
-  move(from, x) {
-    for (const figure of this.#figures) if (figure !== from && figure.across === from.across) figure.cursor(x, false);
+  /** Moves the cursors of the other figures, and marks the cycle `at` in those with curves of several cycles. `x` is null if the cursor disappears. */
+  move(from, x, at = from.isOverCycles ? x : null) {
+    for (const figure of this.#figures) {
+      if (figure === from) continue;
+      if (figure.across === from.across) figure.cursor(x, false);
+      else if (figure.isOverCycles) figure.cursor(at, false);
+      figure.light(at);
+    }
   }
+}
+
+/** What an address keeps of figures by their names: the part that is shown, and the names and the order of the curves. */
+export const wordsOf = (figures) => Object.fromEntries(Object.entries(figures)
+  .flatMap(([name, { zoomText, namesText }]) => [[`zoom-${name}`, zoomText], [`names-${name}`, namesText]]).filter(([, text]) => text));
+
+/** Gives figures what their address keeps. */
+export function restore(figures, query) {
+  for (const [name, figure] of Object.entries(figures)) Object.assign(figure, { zoomText: query.get(`zoom-${name}`), namesText: query.get(`names-${name}`) });
 }
 
 /** An axis with room for more values, if its ends are given. */
@@ -35,12 +50,16 @@ const widened = (axis, rows) => (axis.range && rows.length ? { ...axis, range: e
  * measured points, which have bars of `errors`. `band` is filled between its ends.
  * @typedef {{name: string, x: number[], y: (number|null)[], ink: number, dash?: string, points?: boolean, line?: boolean,
  *   mark?: number, errors?: (number|null)[], band?: {low: (number|null)[], high: (number|null)[]},
- *   smooth?: {x: number[], y: (number|null)[]}, column?: string, whole?: string, label?: "end"|"start"|"apart"|"middle"|"none", below?: boolean, direction?: 1|-1, faint?: boolean}} Curve
+ *   smooth?: {x: number[], y: (number|null)[]}, column?: string, whole?: string, label?: "end"|"start"|"apart"|"middle"|"legend"|"none", below?: boolean, direction?: 1|-1, faint?: boolean}} Curve
  * @typedef {{title: string, symbol?: string, unit: string, log?: boolean, range?: number[], top?: number}} Axis
  */
 export class Figure {
   /** Gives more curves beside those that are shown, such as measured points. @type {() => Curve[]} */
   beside = () => [];
+  /** The names of curves in the order that the user has chosen, each with its own name; empty for the usual ones. @type {string[][]} */
+  #names = [];
+  #given = [];
+  #marked = svg("text", { class: "marked", "text-anchor": "end", "font-size": 12, fill: "var(--ink)" });
   #caption = h("span", { class: "caption" });
   #drawing = svg("svg", { "aria-hidden": "true", class: "drawing", "font-family": "system-ui, sans-serif" });
   #place = h("div", { class: "canvas", role: "slider", tabIndex: 0, "aria-valuemin": "0", "aria-valuemax": "0", "aria-valuenow": "0",
@@ -53,9 +72,9 @@ export class Figure {
   #reader;
   #zoom;
 
-  /** `name` names downloads and the zoom in the address. `onzoom` is called after a change of the zoom. */
+  /** `name` names downloads and the zoom in the address. `onzoom` is called after a change of the zoom or of a name. */
   constructor({ name, group, signal, height, onzoom = () => {} }) {
-    Object.assign(this, { name, group, height, curves: [], axes: null });
+    Object.assign(this, { name, group, height, onzoom, curves: [], axes: null });
     this.#reader = new Reader(this, this.#place, this.#values);
     this.#zoom = new Zoom(this, this.#place, () => {
       this.draw();
@@ -91,6 +110,10 @@ export class Figure {
     return this.axes && `${this.axes.x.title} ${this.axes.x.unit}`;
   }
 
+  get isOverCycles() {
+    return this.axes?.x.title === WORDS.cycles;
+  }
+
   /** The part of the x axis that is shown, in SI units; null for all of it. */
   get zoom() {
     return this.#zoom.range;
@@ -110,10 +133,56 @@ export class Figure {
     this.zoom = range.length === 2 && range[0] < range[1] ? range : null;
   }
 
+  /** The names and the order of the curves as text for an address. */
+  get namesText() {
+    return this.#names.length ? JSON.stringify(this.#names) : "";
+  }
+
+  set namesText(text) {
+    try {
+      this.#names = [...Object(JSON.parse(text))].map(([id, name]) => [String(id), String(name)]);
+    } catch { /* An address that somebody has changed has no names. */ }
+  }
+
+  /** The curves that have names, in their order: each with its usual name and the chosen one. */
+  get named() {
+    return this.#ordered(this.#given.filter(({ name }) => name)).map((curve) => [curve, this.#chosen(curve) || (curve.whole ?? curve.name)]);
+  }
+
+  #chosen({ name }) {
+    return this.#names.find(([id]) => id === name)?.[1];
+  }
+
+  /** The curves in the chosen order. Curves without a place come last. */
+  #ordered(curves) {
+    const place = ({ name }) => (this.#names.findIndex(([id]) => id === name) + 1 || Infinity);
+    return this.#names.length ? curves.toSorted((a, b) => (place(a) === place(b) ? 0 : place(a) - place(b))) : curves;
+  }
+
+  /** Renames a curve, or moves it before the curve above it. */
+  arrange(curve, { name, up }) {
+    const all = this.named.map(([own]) => [own.name, own === curve && name !== undefined ? name : this.#chosen(own) ?? ""]);
+    const place = all.findIndex(([id]) => id === curve.name);
+    if (up && place > 0) all.splice(place - 1, 0, ...all.splice(place, 1));
+    this.#names = all;
+    this.#arrange();
+    this.draw();
+    this.onzoom();
+  }
+
+  #arrange() {
+    this.curves = this.#ordered(this.#given).map((curve) => {
+      const own = this.#chosen(curve);
+      return own ? { ...curve, name: own, whole: own, column: own } : curve;
+    });
+  }
+
   /** Shows curves. @param {Curve[]} curves @param {{x: Axis, y: Axis, marks?: object[], at?: number, description?: string}} axes */
   show(curves, axes) {
     const more = this.beside();
-    Object.assign(this, { curves: [...curves, ...more], axes: { ...axes, x: widened(axes.x, more.map(({ x }) => x)), y: widened(axes.y, more.map(({ y }) => y)) } });
+    this.#given = [...curves, ...more];
+    this.#arrange();
+    Object.assign(this, { axes: { ...axes, x: widened(axes.x, more.map(({ x }) => x)), y: widened(axes.y, more.map(({ y }) => y)) } });
     this.draw();
   }
 
@@ -123,6 +192,9 @@ export class Figure {
     this.#plan = planFigure(this.curves, this.axes, { ...this.#size, zoom: this.zoom, held: this.#held });
     if (this.#held) this.#held = { x: this.#plan.horizontal.ends, y: this.#plan.vertical.ends };
     drawFigure(this.#drawing, this.curves, this.axes, this.#plan);
+    for (const [name, value] of Object.entries({ x: this.#plan.area.right - 6, y: this.#plan.area.top + 12 })) this.#marked.setAttribute(name, value);
+    this.#marked.textContent = "";
+    this.#drawing.append(this.#marked);
     this.#place.setAttribute("aria-label", this.axes.description || `${this.axes.y.title} over ${this.axes.x.title}`);
     this.#zoom.draw();
     this.#reader.draw();
@@ -137,10 +209,19 @@ export class Figure {
     }
   }
 
-  /** Moves the cursor to the point nearest to `x`. */
-  cursor(x, isOwn = true) {
+  /** Moves the cursor to the point nearest to `x`. `cycle` is that of the curve at the pointer. */
+  cursor(x, isOwn = true, cycle = undefined) {
     this.#reader.move(x);
-    if (isOwn) this.group?.move(this, x);
+    if (isOwn) this.group?.move(this, x, cycle);
+  }
+
+  /** Marks the curve of the cycle nearest to `at`; none if it is null. */
+  light(at) {
+    const far = ({ cycle }) => (at === null || cycle === undefined ? Infinity : Math.abs(cycle - at));
+    const least = Math.min(...this.curves.map(far));
+    const nearest = least < Infinity ? this.curves.findIndex((curve) => far(curve) === least) : -1;
+    this.#drawing.querySelectorAll(".curve").forEach((path, i) => path.classList.toggle("lit", i === nearest));
+    this.#marked.textContent = nearest < 0 ? "" : `Marked: N\u00a0=\u00a0${cycles(this.curves[nearest].cycle)}`;
   }
 
   #fit(width, redraw = true) {

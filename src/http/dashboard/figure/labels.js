@@ -29,7 +29,7 @@ const labelled = (curves, place) => curves.filter(({ name, label = "end" }) => n
 export function roomOf(curves, { width, height }) {
   const [beside, inside] = [labelled(curves, "end"), [...labelled(curves, "start"), ...labelled(curves, "apart")]];
   // A band has no end at which its name could stand.
-  if (curves.some(({ name, band }) => name && band)) return null;
+  if (curves.some(({ name, band, label }) => name && (band || label === "legend"))) return null;
   const room = Math.max(0, ...beside.map(({ name }) => widthOf(name) + 2 * GAP));
   const isWide = room > WIDEST * width || inside.some(({ name }) => widthOf(name) > 0.5 * width);
   const isHigh = Math.max(beside.length, inside.length) * LINE > 0.8 * height;

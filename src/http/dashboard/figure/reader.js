@@ -1,12 +1,14 @@
 // Reads values off a figure: with the pointer, or with the arrow keys as a slider over the points.
 
 import { fill, h, svg } from "../page/dom.js";
-import { quantity } from "../quantities/scaling.js";
 import { interpolate } from "./curves.js";
 import { markOf } from "./draw.js";
 
 // A line ends between the sentences only: small figures show the first.
 const HINT = ["Point or press ← → to read values.", "Drag or press + − to zoom."].map((text) => text.replaceAll(" ", "\u00a0")).join(" ");
+
+/** The distance in px from which the pointer chooses a curve. */
+const REACH = 24;
 
 /** The index of the value nearest to `x` in ascending values. */
 function nearest(values, x) {
@@ -49,10 +51,19 @@ export class Reader {
   #follow(event) {
     const { plan } = this.#figure;
     if (!plan) return;
-    const { left, width } = this.#place.getBoundingClientRect();
+    const { left, top, width } = this.#place.getBoundingClientRect();
     const pixel = ((event.clientX - left) * plan.width) / width;
     const { area, horizontal } = plan;
-    this.#figure.cursor(horizontal.value(Math.min(Math.max(pixel, area.left), area.right)));
+    const x = horizontal.value(Math.min(Math.max(pixel, area.left), area.right));
+    this.#figure.cursor(x, true, this.#cycleAt(x, ((event.clientY - top) * plan.width) / width));
+  }
+
+  /** The cycle of the curve that is nearest to a pixel above or below `x`; undefined if none is near or the curves have no cycles. */
+  #cycleAt(x, pixel) {
+    const { curves, plan: { vertical } } = this.#figure;
+    const near = curves.filter(({ cycle }) => cycle !== undefined).map((curve) => ({ cycle: curve.cycle, far: Math.abs(vertical.at(interpolate(curve.x, curve.y, x) ?? NaN) - pixel) }))
+      .filter(({ far }) => far < REACH).sort((a, b) => a.far - b.far);
+    return near[0]?.cycle;
   }
 
   /** All points of the curves that are visible. */
@@ -98,15 +109,15 @@ export class Reader {
 
   /** The value of a curve at the cursor, in words. Between its marked points, a curve has none, unless its line has more points. */
   #valueOf({ x, y, points, smooth, errors, band }) {
-    const { unit } = this.#figure.axes.y;
-    if (band) return [band.low, band.high].map((ends) => quantity(interpolate(x, ends, this.#x), unit)).join(" to ");
+    const { read } = this.#figure.plan.vertical;
+    if (band) return [band.low, band.high].map((ends) => read(interpolate(x, ends, this.#x))).join(" to ");
     const at = points ? x.indexOf(this.#x) : -1;
-    if (at >= 0) return `${quantity(y[at], unit)}${errors?.[at] > 0 ? ` ± ${quantity(errors[at], unit, 2)}` : ""}`;
-    return quantity(!points ? interpolate(x, y, this.#x) : smooth ? interpolate(smooth.x, smooth.y, this.#x) : null, unit);
+    if (at >= 0) return `${read(y[at])}${errors?.[at] > 0 ? ` ± ${read(errors[at], 2)}` : ""}`;
+    return read(!points ? interpolate(x, y, this.#x) : smooth ? interpolate(smooth.x, smooth.y, this.#x) : null);
   }
 
   #show() {
-    const { curves, axes, plan: { horizontal, area, needsLegend } } = this.#figure;
+    const { curves, plan: { horizontal, area, needsLegend } } = this.#figure;
     const isOn = this.#x !== null;
     this.#line.toggleAttribute("hidden", !isOn);
     if (isOn) {
@@ -115,7 +126,7 @@ export class Reader {
     }
     const named = curves.filter(({ name }) => name);
     const rows = named.map((curve) => [curve, isOn ? this.#valueOf(curve) : ""]);
-    const head = isOn ? [horizontal.title, quantity(this.#x, axes.x.unit)] : ["", HINT];
+    const head = isOn ? [horizontal.title, horizontal.read(this.#x)] : ["", HINT];
     const item = (name, value, sample) => h("li", {}, sample, name && h("span", { class: "name" }, name), name && " ", h("span", { class: "value" }, value));
     fill(this.#values, isOn || needsLegend ? rows.map(([curve, value]) => item(curve.name, value, sampleOf(curve))) : null,
       item(...head));

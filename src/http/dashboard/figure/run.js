@@ -29,6 +29,9 @@ export const MARKED = 60;
 
 export const historyTitle = (name, { scenario }) => (name === "radii" && isLine(scenario.profile) ? "Half-widths" : HISTORIES[name][0]);
 
+/** The largest value of a quantity in a result. All views of the result choose the unit of the quantity by it. */
+export const sizeOf = ({ history, limit }, name) => Math.max(...(extent([history[name] ?? [], [limit?.[name]]]) ?? [0]).map(Math.abs));
+
 /** The row of `cycles` nearest to `at`; the last row if `at` is missing. */
 export function nearest(cycles, at) {
   if (at == null || at === "") return cycles.length - 1;
@@ -52,14 +55,33 @@ export function rangeOf({ profiles }, name) {
   return range;
 }
 
-/** The curves of one run: other output cycles, the unworn state, the output cycle, and on top of it the limit. */
-function profileCurves({ profiles }, name, row, label) {
-  const { radius: x, initial, limiting, cycles: outputs, [name]: rows } = profiles;
+/** The colours of chosen cycles. After the last one, they come again with dashes. */
+const INKS = [1, 2, 3, 5, 7, 8];
+const LATER = [undefined, "long-dashed", "dash-dotted", "short-dashed"];
+
+/** The curves of some rows, and dotted beside them those of another method. */
+function curvesOfRows({ profiles }, name, rows, { other, label }) {
+  const { radius: x, cycles: outputs } = profiles;
+  return rows.flatMap((i, place) => {
+    const own = { name: outputs[i] > 0 ? `N = ${cycles(outputs[i])}` : "Unworn", cycle: outputs[i], x, y: profiles[name][i], ink: INKS[place % INKS.length], isMain: true,
+      dash: LATER[Math.floor(place / INKS.length) % LATER.length], label };
+    // The other run may have ended earlier, and the unworn contact is the same.
+    const row = outputs[i] > 0 && other ? other.profiles.cycles.indexOf(outputs[i]) : -1;
+    // One name says what dotted curves are.
+    return row < 0 ? [own] : [own, { ...own, name: place === rows.length - 1 ? other.name : "", column: `${own.name}, ${other.name}`, cycle: undefined, isMain: false, x: other.profiles.radius,
+      y: other.profiles[name][row], dash: "dotted" }];
+  });
+}
+
+/** The curves of one run: of chosen output cycles, or of the shown one, with the others and the unworn state; and on top the limit. */
+function profileCurves(result, name, { row, chosen = [], other }) {
+  const { radius: x, initial, limiting, cycles: outputs, [name]: rows } = result.profiles;
   const isWorn = name === "worn";
-  const others = spread(outputs.map((_, i) => i).filter((i) => i !== row && outputs[i] > 0), MAX_OTHERS);
-  const curves = others.map((i) => ({ name: "", column: `N = ${cycles(outputs[i])}`, x, y: rows[i], ink: 6, faint: true }));
-  if (outputs[row] > 0) curves.push({ name: "Unworn", x, y: isWorn ? initial : rows[0], ink: 4, dash: "dashed", label: "apart" });
-  curves.push({ name: outputs[row] > 0 ? label : "Unworn", x, y: rows[row], ink: 1, label: "apart" });
+  const others = chosen.length ? [] : spread(outputs.map((_, i) => i).filter((i) => i !== row && outputs[i] > 0), MAX_OTHERS);
+  const curves = others.map((i) => ({ name: "", column: `N = ${cycles(outputs[i])}`, cycle: outputs[i], x, y: rows[i], ink: 6, faint: true }));
+  if (!chosen.length && outputs[row] > 0) curves.push({ name: "Unworn", cycle: 0, x, y: isWorn ? initial : rows[0], ink: 4, dash: "dashed", label: "apart" });
+  // Chosen curves often coincide, so that their names stand in a legend.
+  curves.push(...curvesOfRows(result, name, chosen.length ? chosen : [row], { other, label: chosen.length ? "legend" : "apart" }));
   if (limiting && (isWorn || name === "wear")) {
     curves.push({ name: "Limit", x, y: isWorn ? limiting : limiting.map((height, i) => height - initial[i]), ink: 3, dash: "dotted", label: "apart" });
   }
@@ -72,35 +94,45 @@ export const heightTitle = (name) => (name === "worn" ? "Height" : WORDS[name]);
 export const after = (name, at) => (at > 0 ? `${WORDS[name]} after ${cycles(at)} cycles`
   : name === "worn" ? "Unworn profile" : `${WORDS[name]} of the unworn contact`);
 
-export function drawProfile(figure, outside, result, { plot: name, row }) {
+/** The lengths that a figure in the units of the unworn contact has beside the radius. */
+const HEIGHTS = ["worn", "wear", "image"];
+
+/** What the axes of a profile are divided by: nothing, or radius and depth of the unworn contact. The depth of a line contact is that of its bodies. */
+function perOf({ scales, scenario: { profile } }, name, isRatio) {
+  if (!isRatio) return [{}, {}];
+  const by = (symbol, of, per) => ({ per, symbol: `${symbol}/$${of}$₀` });
+  return [by(isLine(profile) ? "$x$" : "$r$", "a", scales.contact_radius), HEIGHTS.includes(name) && !isLine(profile) ? by(symbolOf(name), "d", scales.indentation_depth) : {}];
+}
+
+export function drawProfile(figure, outside, result, { plot: name, row, chosen = [], other, scale }) {
   if (!result.profiles) return;
   const { profiles, units, scenario } = result;
-  const at = profiles.cycles[row];
   const letter = isLine(scenario.profile) ? "x" : "r";
-  const curves = profileCurves(result, name, row, `N = ${cycles(at)}`);
-  const current = curves.find(({ ink }) => ink === 1);
+  const curves = profileCurves(result, name, { row, chosen, other });
   const range = rangeOf(result, name);
-  const peak = Math.max(...current.y);
+  const [peak, radius] = curves.filter(({ isMain }) => isMain).flatMap(({ y, x }) => y.map((own, i) => [own, x[i]])).reduce((most, own) => (own[0] > most[0] ? own : most), [-Infinity]);
   outside.textContent = range && peak > range[1] * 1.0001
-    ? `Peak outside the axis range: ${quantity(peak, units[name])} at ${letter} = ${quantity(profiles.radius[current.y.indexOf(peak)], units.radius)}, at an edge of the worn profile.` : "";
-  figure.title = after(name, at);
+    ? `Peak outside the axis range: ${quantity(peak, units[name])} at ${letter} = ${quantity(radius, units.radius)}, at an edge of the worn profile.` : "";
+  figure.title = chosen.length ? `${WORDS[name]} at chosen cycles` : after(name, profiles.cycles[row]);
   const across = wordOf("radius", scenario);
-  figure.show(curves, { x: { title: across, symbol: symbolOf("radius", scenario), unit: units.radius },
-    y: { title: heightTitle(name), symbol: symbolOf(name), unit: units[name], range }, description: `${after(name, at)}, over ${across}` });
+  const [wide, high] = perOf(result, name, scale === "ratio");
+  figure.show(curves, { x: { title: across, symbol: symbolOf("radius", scenario), unit: units.radius, ...wide },
+    y: { title: heightTitle(name), symbol: symbolOf(name), unit: units[name], range, ...high }, description: `${figure.title}, over ${across}` });
 }
 
 /** The marks of a history: its events, and the edges of amplitude blocks. */
 function marksOf({ events, scenario: { motion } }) {
-  const names = events.map(({ kind, cycles: x }) => ({ x, name: WORDS[kind] }));
+  const names = events.map(({ kind, cycles: x }) => ({ x, name: `${WORDS[kind]}, N\u00a0=\u00a0${cycles(Math.round(x))}` }));
   const blocks = motion.blocks?.length <= MAX_EDGES ? motion.blocks : [];
   let x = 0;
   return [...blocks.slice(0, -1).map(({ cycles: length }) => ({ x: (x += length), name: "" })), ...names];
 }
 
 /** The curve of a column of the history. */
-export function historyCurve({ history: { smooth, ...from }, scenario }, name, more) {
+export function historyCurve({ history: { smooth, isRough, ...from }, scenario }, name, more) {
   const isJumping = Boolean(scenario.motion.blocks) && JUMPING.has(name);
-  return { x: from.cycles, y: from[name], points: from.cycles.length < MARKED || isJumping, line: !isJumping,
+  const isMarked = from.cycles.length < MARKED || isJumping;
+  return { x: from.cycles, y: from[name], points: isMarked, line: !isJumping && !(isRough && isMarked),
     ...(smooth && !isJumping && { smooth: { x: smooth.cycles, y: smooth[name] } }), ...more };
 }
 
@@ -121,7 +153,7 @@ export function drawHistory(figure, missing, result, { history, log, at }) {
   figure.element.hidden = !drawn.length;
   figure.title = heading;
   figure.show(drawn, { x: { title: WORDS.cycles, symbol: symbolOf("cycles"), unit: "1", log: log.includes("x") },
-    y: { title: heading, symbol: columns.length > 1 ? "" : symbolOf(columns[0]), unit: units[columns[0]], log: log.includes("y") }, marks: marksOf(result), at });
+    y: { title: heading, symbol: columns.length > 1 ? "" : symbolOf(columns[0]), unit: units[columns[0]], size: log.includes("y") ? 0 : Math.max(...columns.map((name) => sizeOf(result, name))), log: log.includes("y") }, marks: marksOf(result), at });
 }
 
 /** The curves of a loop: unloading is dashed, and arrows show the direction. */

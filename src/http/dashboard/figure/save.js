@@ -1,8 +1,9 @@
-// Saves a figure as SVG, as PNG of a chosen size, and its values as CSV.
+// Saves a figure as SVG, PNG and PDF of a chosen size, and its values as CSV.
 
 import { csvOf } from "../page/csv.js";
-import { h, notify, svg } from "../page/dom.js";
+import { fill, h, notify, svg } from "../page/dom.js";
 import { drawFigure, planFigure } from "./draw.js";
+import { sampleOf } from "./reader.js";
 
 /** Pixels of a drawing in a millimetre, and millimetres in an inch. */
 const [INCH, PX] = [25.4, 96 / 25.4];
@@ -86,6 +87,22 @@ async function pictureOf(text, [width, height], dpi) {
   return withResolution(await new Promise((done) => canvas.toBlob(done, "image/png")), dpi);
 }
 
+/** Prints an SVG document on a page of its size: the dialog of the browser saves it as PDF, with lines and letters as such. */
+function printAlone(name, text, [width, height]) {
+  const drawing = document.importNode(new DOMParser().parseFromString(text, "image/svg+xml").documentElement, true);
+  const [page, { title }, sheet] = [h("div", { class: "figure-page" }, drawing), document, document.styleSheets[0]];
+  const rule = sheet.insertRule(`@page { size: ${width}mm ${height}mm; margin: 0; }`, sheet.cssRules.length);
+  // The dialog suggests the title as the name of the file.
+  document.title = name;
+  document.body.append(page);
+  addEventListener("afterprint", () => {
+    page.remove();
+    sheet.deleteRule(rule);
+    document.title = title;
+  }, { once: true });
+  print();
+}
+
 /** Offers content as a file. */
 export function saveAs(name, content, type) {
   const url = URL.createObjectURL(content instanceof Blob ? content : new Blob([content], { type }));
@@ -93,8 +110,19 @@ export function saveAs(name, content, type) {
   setTimeout(() => URL.revokeObjectURL(url), 10000);
 }
 
-/** The menu that saves a figure. `drawn(size)` gives its SVG of a size in mm; `table()` its values, if it has some. */
-export function saving(name, drawn, table) {
+/** The names of the curves of a figure, to change them and their order, if there are some. `list` draws them again. */
+function namesOf(figure, list) {
+  const all = figure.named;
+  return all.length > 1 && [h("span", { class: "muted" }, "Names and order of the curves"), all.map(([curve, name], i) => h("div", { class: "row" }, sampleOf(curve),
+    h("input", { value: name, "aria-label": `Name of ${curve.name}`, onchange: ({ target }) => figure.arrange(curve, { name: target.value.trim() }) }),
+    h("button", { type: "button", "aria-label": `Move ${curve.name} up`, disabled: i === 0, onclick: () => {
+      figure.arrange(curve, { up: true });
+      list(i - 1);
+    } }, "↑")))];
+}
+
+/** The menu that saves a figure. `drawn(size)` gives its SVG of a size in mm; `table()` its values, and `figure` has curves, if it has some. */
+export function saving(name, drawn, table, figure) {
   const id = `save-${++menus}`;
   const number = (key, value, label, least, most) => h("input", { type: "number", id: `${id}-${key}`, value, min: least, max: most, "aria-label": label });
   const [width, height, dpi] = [number("width", 85, "Width in mm", 20, 1000), number("height", 60, "Height in mm", 20, 1000), number("dpi", 300, "Dots per inch", 36, 1200)];
@@ -108,14 +136,20 @@ export function saving(name, drawn, table) {
     }
   };
   const button = (text, make) => h("button", { type: "button", onclick: () => act(make), "aria-label": `Save ${name()} as ${text}` }, text);
-  const menu = h("details", { class: "menu save" }, h("summary", { "aria-label": `Save ${name()}` }, "Save"), h("div", { class: "sheet" },
+  const names = h("div", { class: "names" });
+  const list = (focused) => {
+    fill(names, namesOf(figure, list));
+    if (focused >= 0) names.querySelectorAll("input")[focused].focus();
+  };
+  const menu = h("details", { class: "menu save", ontoggle: () => figure && list() }, h("summary", { "aria-label": `Save ${name()}` }, "Save"), h("div", { class: "sheet" }, names,
     h("div", { class: "row" }, width, " × ", height, " mm, ", dpi, " dpi"),
     h("div", { class: "row" },
       button("SVG", async () => saveAs(`${name()}.svg`, await drawn(size()), "image/svg+xml")),
       button("PNG", async () => saveAs(`${name()}.png`, await pictureOf(await drawn(size()), size(), Math.min(Math.max(Number(dpi.value) || 300, 36), 1200)))),
+      button("PDF", async () => printAlone(name(), await drawn(size()), size())),
       table && button("CSV", () => saveAs(`${name()}.csv`, table(), "text/csv")))));
   return menu;
 }
 
 /** The menu that saves a figure with curves. */
-export const saveMenu = (figure) => saving(() => figure.name, (size) => figureText(figure, size), () => tableText(figure));
+export const saveMenu = (figure) => saving(() => figure.name, (size) => figureText(figure, size), () => tableText(figure), figure);

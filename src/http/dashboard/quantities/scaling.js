@@ -42,11 +42,16 @@ function shown(value, { unit, factor }, count = 4) {
 /** A number with its unit, joined by no-break spaces: 0.102 µJ, 1.4 kJ. */
 export const quantity = (value, unit, count = 4) => shown(value, scaleOf(unit, value ?? 0), count);
 
+/** A function that writes numbers with one unit: that of the number `size`. */
+export function unitFor(unit, size) {
+  const scale = scaleOf(unit, size);
+  return (value, count) => shown(value, scale, count);
+}
+
 /** A function that writes the numbers of a column with one unit: that of their median, because they may cover several decades. */
 export function columnOf(unit, values) {
   const sizes = values.filter(Number.isFinite).map(Math.abs).sort((a, b) => a - b);
-  const scale = scaleOf(unit, sizes[sizes.length >> 1]);
-  return (value) => shown(value, scale);
+  return unitFor(unit, sizes[sizes.length >> 1]);
 }
 
 /** A name with its unit in brackets. */

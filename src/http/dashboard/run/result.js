@@ -2,9 +2,9 @@
 
 import { keepState } from "../page/address.js";
 import { choice, fill, h, select } from "../page/dom.js";
-import { cycles, WORDS } from "../quantities/units.js";
+import { cycles, isLine, WORDS } from "../quantities/units.js";
 import { get, jobAddress } from "../access/api.js";
-import { Cursors, Figure } from "../figure/figure.js";
+import { Cursors, Figure, restore, wordsOf } from "../figure/figure.js";
 import { playButton } from "../figure/player.js";
 import { drawHistory, drawLoop, drawProfile, HISTORIES, historyTitle, nearest, PROFILES } from "../figure/run.js";
 import { drawActions } from "../library/actions.js";
@@ -15,6 +15,7 @@ import { editLink } from "../study/vary.js";
 import { measuring } from "../measure/measure.js";
 import { drawDetails } from "./details.js";
 import { drawHeadline } from "./headline.js";
+import { profileMenu, rowsOfText, textOfRows } from "./profile-menu.js";
 import { Section } from "./section.js";
 import { smooth } from "./smooth.js";
 import { isAtNumber } from "./warnings.js";
@@ -78,20 +79,21 @@ export async function showResult(main, { id: key, query, signal }) {
     history: Object.hasOwn(HISTORIES, query.get("history")) ? query.get("history") : "volume",
     log: query.get("log") ?? "x",
     row: nearest(outputs, query.get("at")),
+    scale: query.get("scale") === "ratio" ? "ratio" : "", chosen: rowsOfText(result.profiles, query.get("cycles")), beside: query.get("beside"), other: "",
   };
 
   /** Keeps the state of the view in the address. */
   function remember() {
     const kept = ["job", "link", "label", "typed"].filter((name) => query.get(name)).map((name) => [name, query.get(name)]);
     const words = new URLSearchParams({ ...Object.fromEntries(kept),
-      at: outputs[state.row], plot: state.plot, history: state.history, log: state.log,
-      ...Object.fromEntries(Object.entries(figures).filter(([, { zoom }]) => zoom).map(([name, { zoomText }]) => [`zoom-${name}`, zoomText])) });
+      at: outputs[state.row], plot: state.plot, history: state.history, log: state.log, ...(state.scale && { scale: state.scale }),
+      ...(state.chosen.length && { cycles: textOfRows(result.profiles, state.chosen) }), ...(state.beside !== null && { beside: state.beside }), ...wordsOf(figures) });
     keepState(`#/result/${key}?${words}`);
   }
 
   const group = new Cursors();
   const figures = Object.fromEntries(["profile", "history", "loop"].map((name) => [name, new Figure({ name, group, signal, onzoom: remember })]));
-  for (const [name, figure] of Object.entries(figures)) figure.zoomText = query.get(`zoom-${name}`);
+  restore(figures, query);
   const section = new Section(signal);
   const slider = h("input", { type: "range", id: "output", min: 0, max: outputs.length - 1, value: state.row,
     step: 1, oninput: () => showRow(Number(slider.value)), onchange: remember });
@@ -156,7 +158,11 @@ export async function showResult(main, { id: key, query, signal }) {
       headline.first, headline.others, headline.notes),
     h("div", { class: "plots" },
       h("section", { class: "card", "aria-label": "Profiles" },
-        h("div", { class: "row" }, choose("plot", "Profile", Object.fromEntries(PROFILES.map((name) => [name, WORDS[name]])))),
+        h("div", { class: "row" }, choose("plot", "Profile", Object.fromEntries(PROFILES.map((name) => [name, WORDS[name]]))),
+          result.profiles && [choose("scale", "Axes", { "": "Lengths", ratio: isLine(result.scenario.profile) ? "x/a₀" : "r/a₀, f/d₀" }, "profile"), profileMenu(result, state, { changed: () => {
+            remember();
+            drawOutput();
+          }, signal })]),
         result.profiles ? figures.profile.element : noProfiles("profiles"), outside),
       h("section", { class: "card", "aria-label": "History" },
         h("div", { class: "row" },
