@@ -117,6 +117,15 @@ def view_result(page):
     near(page.locator("[data-value=wear_depth]").inner_text(), result["history"]["wear_depth"][-1], 5e-3)
     page.select_option("#units", "engineering")
 
+    # The unit of a number stays while the slider moves, and the page says how long the result took.
+    units = set()
+    for _ in outputs:
+        units.add(page.locator("[data-value=wear_volume]").inner_text().split("\u00a0")[-1])
+        page.keyboard.press("ArrowLeft") if slider.evaluate("own => own === document.activeElement") else slider.press("ArrowLeft")
+    slider.press("End")
+    assert len(units) == 1, units
+    expect(page.locator("#computed")).to_have_text(re.compile(r"Computed .* in [\d.]+\u00a0s, computing time [\d.]+\u00a0s"))
+
     # A narrow pressure peak does not flatten the rest of the curve.
     page.select_option("#choose-plot", "pressure")
     expect(page.locator("section[aria-label='Profiles'] figcaption")).to_contain_text("Pressure")
@@ -212,6 +221,7 @@ def hostile_address(browser, key):
     for view in (f"result/{key}?job=..%2Fresults", "result/..%2Fjobs%2Fcancel", "run/..%2Fcancel", "result/..", "run/..", "constructor"):
         page.goto(f"{BASE}/#/{view}")
         page.wait_for_selector("main:not([aria-busy])")
+    expect(page.locator("h1")).to_have_text("Page not found")
     posts = [path for method, path in sent if method == "POST" and path not in ("/v1/scenarios", "/v1/evaluate")]
     assert posts == [f"/v1/results/{key}/links?expires_in=30d"], posts
     known = re.compile(rf"/|/#.*|/healthz|/assets/.*|/v1/(me|results/{key}.*|jobs[?].*|jobs/[0-9a-f-]{{36}}[?].*|scenarios|evaluate|examples|schema/scenario)")

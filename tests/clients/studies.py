@@ -75,6 +75,13 @@ def long_table(page, base):
         shown = column(page, "Wear volume V")
         assert all(math.isclose(one, other, rel_tol=1e-4) for one, other in zip(shown, order, strict=True))
     expect(page.locator("#study [aria-sort]")).to_have_count(0)
+    page.get_by_label("Differences from point 1 in %").check()
+    expect(page.locator("#in-percent")).to_be_focused()
+    volumes = table["wear_volume"]
+    cell = rows.last.locator("td").nth(1)
+    share = float(re.search(r" \(([+-][\d.]+)\u00a0%\)", cell.inner_text().replace("−", "-").replace("+-", "-"))[1])
+    assert abs(share - 100 * (volumes[-1] / volumes[0] - 1)) < 0.1, (share, cell.inner_text())
+    page.uncheck("#in-percent")
     assert "/" not in "".join(page.locator("#study thead").inner_text().split("(")[0]), "a heading is a pointer"
 
 

@@ -48,6 +48,11 @@ assert.equal(understand("1e-4", kindAt("/wear/coefficient", { wear: { hardness: 
 for (const text of ["3.03×10⁻⁵ mm³/Nm", "3.03·10^-5 mm³/Nm", "3.03 × 10^(−5) mm³/Nm", "3.03x10-5 mm³/Nm", "3,03*10⁻⁵ mm³/Nm", "3.03e−5 mm³/Nm",
   "3.03·10⁻⁵\u00a0mm³/Nm"]) assert.equal(value("/wear/coefficient", text), "3.03e-5 mm³/Nm", text);
 
+// A power of ten alone, also in a list, and a share of a number without a unit.
+for (const [text, number] of [["10³", "1e3"], ["−10⁻⁵ mm³/Nm", "-1e-5"], ["10^5 N", "1e5"], ["10", "10"]]) assert.equal(readNumber(text).number, number, text);
+assert.deepEqual(readList("10³, 10⁴"), [1000, 10000]);
+assert.equal(value("/friction", "70 %"), 0.7);
+
 // Groups of three digits.
 for (const [text, number] of [["1 000", "1000"], ["1\u202f000", "1000"], ["1\u2009000", "1000"], ["1\u00a0000\u00a0000", "1000000"], ["1,000,000", "1000000"],
   ["1.000.000", "1000000"], ["1,234.5", "1234.5"], ["1.234,5", "1234.5"], ["1 000,5", "1000.5"], ["1,000", "1000"], ["2,256", "2.256"],

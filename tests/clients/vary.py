@@ -219,7 +219,8 @@ def distributions(page, base):
     for name, parameters in known.items():
         page.select_option("#profile-radius-spacing", name)
         if name == "normal":
-            page.fill("#profile-radius-standard_deviation", "0.5")
+            # In per cent of the mean.
+            page.fill("#profile-radius-standard_deviation", "5 %")
         expect(page.locator("button.primary")).to_be_enabled()
         study = json.loads(urllib.parse.parse_qs(page.url.split("?")[1])["study"][0])["sweep"]
         assert study["vary"] == [{"pointer": "/profile/radius", "distribution": {name: parameters}}], study["vary"]

@@ -1,9 +1,9 @@
 // The faults that the server finds in a scenario, at the fields of the form.
 
 import { h } from "../page/dom.js";
-import { fieldText, pretty } from "../quantities/kinds.js";
+import { fieldText, kindAt, pretty, printed } from "../quantities/kinds.js";
 import { valueAt } from "../quantities/pointer.js";
-import { quantity } from "../quantities/units.js";
+import { digits } from "../quantities/scaling.js";
 import { formPointer } from "../study/vary.js";
 import { visit } from "../run/warnings.js";
 import { repairs, tableFault } from "./repair.js";
@@ -14,13 +14,22 @@ function noun(name) {
   return /^(Young|Poisson|Archard)/.test(own) ? own : own[0].toLowerCase() + own.slice(1);
 }
 
-/** The wear coefficients of a sentence in the unit of the page. */
-const inWearUnit = (detail) => (/\d 1\/Pa/.test(detail)
-  ? detail.replace(/(-?\d[\d.]*(?:e-?\d+)?)(?: 1\/Pa)?/g, (_, number) => quantity(Number(number), "1/Pa", 3)) : detail);
+/** A sentence about the limits of a number in the unit of its field: "must be greater than 0, not −5 mm". */
+function inFieldUnit(detail, { unit, units, si }) {
+  if (!/^must (be greater|lie between)/.test(detail)) return detail;
+  const isOwn = Boolean(si) && detail.includes(` ${si}`);
+  const written = (text) => {
+    const own = Number(text) / (isOwn ? units[unit] ?? 1 : 1);
+    // The largest numbers have no value in a smaller unit.
+    const [value, name] = Number.isFinite(own) ? [own, isOwn ? printed(unit) : ""] : [Number(text), si];
+    return value === 0 ? "0" : [digits(value, 3).replace(/^(−?)1×/, "$1"), name.replace(" ", "\u00a0")].filter(Boolean).join("\u00a0");
+  };
+  return (isOwn ? detail.replaceAll(` ${si}`, "") : detail).replace(/-?\d[\d.]*(?:e[-+]?\d+)?/g, written);
+}
 
 /** The sentence for a fault at the field of a name. */
-function sentence(sent, name) {
-  const detail = inWearUnit(sent);
+function sentence(sent, name, kind) {
+  const detail = inFieldUnit(sent, kind);
   if (/^is missing\b/.test(detail) && name) return `Enter the ${noun(name)}.`;
   if (/^must be a number, not a string/.test(detail)) return "Enter a number.";
   if (/^must increase/.test(detail) && name) return `${name.split(",")[0]} ${detail}.`;
@@ -76,7 +85,7 @@ export function showFaults(main, others, problem, { scenario, study }, redraw) {
     if (place) {
       place.setAttribute("aria-invalid", "true");
       const name = place === field ? field.dataset.name : "";
-      document.getElementById(`${place.id}-fault`).textContent = `${name === "" ? "The output cycles " : ""}${sentence(detail, name)}`;
+      document.getElementById(`${place.id}-fault`).textContent = `${name === "" ? "The output cycles " : ""}${sentence(detail, name, kindAt(pointer.replace(/^\/(scenario|vary)/, ""), scenario))}`;
     } else {
       others.append(h("li", {}, h("code", {}, pointer.replace("/scenario", "")), ` ${detail}`));
     }

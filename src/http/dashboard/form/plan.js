@@ -7,7 +7,7 @@ import { cycles, isLine, plainWords, WORDS } from "../quantities/units.js";
 import { OUTPUTS as ALL } from "../quantities/words.js";
 import { may } from "../access/allowed.js";
 import { post } from "../access/api.js";
-import { choose, distribute, distributionOf, DISTRIBUTIONS, factorsOf, isDrawn, isPossible, OFFERS, runsOf, suggested, varied, varyAll } from "../study/vary.js";
+import { choose, distribute, distributionOf, DISTRIBUTIONS, factorsOf, isDrawn, isPossible, ofMean, OFFERS, runsOf, suggested, varied, varyAll } from "../study/vary.js";
 import { outputWords } from "../study/words.js";
 
 /** The outputs that the form offers. All are columns of the history, at its last output cycle. */
@@ -51,7 +51,8 @@ export function drawRange(id, name, pointer, form, { changed, doubts }) {
     const note = h("p", { class: "note-read", role: "status" });
     const ask = (isTyping) => {
       const meaning = understand(input.value, isPlain ? kindAt("") : { ...kindAt(pointer, scenario), unit: range.unit }, isTyping || asked[place] === input.value);
-      doubts.show(input, note, place, meaning.isSpelling ? meaning : {}, isTyping);
+      const isShare = member === "standard_deviation" && ofMean(input.value, range.mean) !== input.value;
+      doubts.show(input, note, place, meaning.isSpelling ? meaning : { note: isShare ? "In\u00a0% of the mean." : "" }, isTyping);
     };
     const [input, fault] = faulty(`${id}-${member}`, place, `${name}: ${label}`, { value: range[member], class: member, oninput: () => {
       range[member] = input.value;

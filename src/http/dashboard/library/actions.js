@@ -1,6 +1,7 @@
 // The buttons of a result: download, share, compare, edit, pin and note.
 
 import { button, copy, dateTime, h, isSure, notify, select } from "../page/dom.js";
+import { duration } from "../quantities/units.js";
 import { may } from "../access/allowed.js";
 import { get, post, resultAddress, send } from "../access/api.js";
 import { caller, signedIn } from "../access/sign-in.js";
@@ -95,6 +96,8 @@ export function drawActions(result, { job, link, form, remember, signal }) {
 async function addPinAndNote(row, key, signal) {
   const provenance = await get(resultAddress(key, "/provenance"), { signal }).catch(() => null);
   if (!provenance) return;
+  const { at, wall_seconds: wall, cpu_seconds: computing } = provenance.computed;
+  const computed = at && h("p", { class: "muted", id: "computed" }, "Computed ", dateTime(at), wall != null && ` in ${duration(wall)}`, computing != null && `, computing time ${duration(computing)}`);
   let { pinned, note } = provenance;
   const pin = button("", async () => {
     await send(resultAddress(key, "/pin"), { method: pinned ? "DELETE" : "PUT" });
@@ -125,7 +128,7 @@ async function addPinAndNote(row, key, signal) {
   });
   drawNote();
   if (may("submit")) row.append(pin, edit);
-  row.append(noteText);
+  row.append(...[noteText, computed].filter(Boolean));
 }
 
 /** Texts of notes that are not saved, by their users and results: Escape, another view or a lost connection loses none. */

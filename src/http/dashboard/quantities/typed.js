@@ -11,6 +11,9 @@ const SUPERSCRIPTS = "⁰¹²³⁴⁵⁶⁷⁸⁹";
 const POWER = `(?:[eE](?<e>${SIGN}?\\d+)|\\s*[×·⋅*xX]\\s*10(?:\\^?\\s*\\(?(?<plain>${SIGN}?\\d+)\\)?|(?<raised>[⁺⁻]?[${SUPERSCRIPTS}]+)))`;
 const NUMBER = new RegExp(`^(?<mantissa>${MANTISSA})${POWER}?`, "u");
 
+/** A power of ten alone: 10³, 10^-5. */
+const ALONE = new RegExp(`^(${SIGN}?)10(?:\\^(${SIGN}?\\d+)|([⁺⁻]?[${SUPERSCRIPTS}]+))`, "u");
+
 const plainSign = (text) => text.replace(/[−–⁻]/, "-").replace(/[+⁺]/, "");
 const plainPower = (text) => plainSign(text).replace(/[⁰¹²³⁴⁵⁶⁷⁸⁹]/g, (digit) => SUPERSCRIPTS.indexOf(digit));
 
@@ -32,7 +35,7 @@ function plainDigits(text, hasPower) {
 
 /** The number at the start of a text, as the API writes it, its other reading, and the rest; undefined if there is none. */
 export function readNumber(text) {
-  const trimmed = text.trim();
+  const trimmed = text.trim().replace(ALONE, (_, sign, plain, raised) => `${sign}1e${plainPower(plain ?? raised)}`);
   const found = trimmed.match(NUMBER);
   const { mantissa, e, plain, raised } = found?.groups ?? {};
   const power = e ?? plain ?? raised;
@@ -54,6 +57,10 @@ const valueOf = (number, unit) => (unit ? `${number} ${unit}` : Number(number));
 export function understand(text, kind, isTyped = true) {
   const read = readNumber(text);
   if (!read) return { value: text.trim() };
+  if (read.rest === "%" && !kind.unit) {
+    const value = Number((read.number / 100).toPrecision(12));
+    return { value, note: `Read as ${pretty(value)}.` };
+  }
   const unit = read.rest || kind.unit;
   const value = valueOf(read.number, unit);
   const shown = pretty(value);

@@ -4,6 +4,8 @@ import { asJson, explained, h, list, tableOf } from "../page/dom.js";
 import { term } from "../quantities/explain.js";
 import { inputRows } from "../quantities/input-rows.js";
 import { cycles, digits, percent, quantity, WORDS } from "../quantities/units.js";
+import { unitFor } from "../quantities/scaling.js";
+import { sizeOf } from "../figure/run.js";
 import { depthOrForce, NEEDS_REFERENCE } from "./estimate.js";
 import { sketch } from "./sketch.js";
 import { drawWarnings, isAtNumber } from "./warnings.js";
@@ -19,7 +21,7 @@ const drawInputs = (scenario) => card("Inputs", list(inputRows([scenario]).map((
 export function drawDetails(place, result, submitted, bodyWarnings) {
   const { scales, unworn, limit, units, events, accuracy, warnings, comparison, bodies, scenario } = result;
   const isRule = scenario.model.method === "simplified";
-  const inUnits = (name, value) => quantity(value, units[name]);
+  const inUnits = (name, value) => unitFor(units[name], Math.max(sizeOf(result, name), Math.abs(value)))(value);
   place.replaceChildren(...[
     card("Unworn contact", sketch(result), list([
       [[term("contact_radius", scenario), "₀"], inUnits("contact_radius", scales.contact_radius)],

@@ -2,7 +2,9 @@
 
 import { explained, fill, h } from "../page/dom.js";
 import { term, withMeaning } from "../quantities/explain.js";
-import { cycles, percent, quantity, wordOf, WORDS } from "../quantities/units.js";
+import { cycles, percent, wordOf, WORDS } from "../quantities/units.js";
+import { unitFor } from "../quantities/scaling.js";
+import { sizeOf } from "../figure/run.js";
 import { drawWarning, fieldAt, numberOf, visit } from "./warnings.js";
 
 const FIRST = ["wear_depth", "wear_volume"];
@@ -43,6 +45,8 @@ export function regimeAt({ regime, events, history }, row, at) {
 export function drawHeadline({ first, others, notes }, result, row, warnings) {
   const { history, units, scenario, accuracy, unworn } = result;
   const at = history.cycles[row];
+  // The unit stays while the slider moves.
+  const shown = (name) => unitFor(units[name], sizeOf(result, name))(history[name]?.[row], 3);
   const marked = (name) => warnings.some((warning) => numberOf(warning) === name)
     && h("a", { class: "mark", href: `#warning-${name}`, "aria-label": "Has a warning", onclick: (event) => {
       event.preventDefault();
@@ -53,7 +57,7 @@ export function drawHeadline({ first, others, notes }, result, row, warnings) {
     const error = history[`${name}_error`]?.[row];
     const own = name === "wear_depth" ? `${THEORY} ${AROUND}` : THEORY;
     return h("div", {}, h("dt", {}, term(name, scenario, BOTH)),
-      h("dd", {}, h("span", { "data-value": name }, quantity(history[name][row], units[name], 3)), marked(name)),
+      h("dd", {}, h("span", { "data-value": name }, shown(name)), marked(name)),
       at > 0 && h("dd", { class: "errors" }, withMeaning([
         error > 0 && h("span", { "data-error": name }, `numerical error ${numericalError(error)}`),
         h("span", { class: error > 0 && scenario.model.method === "exact" && "theory" }, error > 0 && "; ", h("span", { "data-model-error": name }, modelError(scenario, accuracy)))].filter(Boolean),
@@ -65,12 +69,13 @@ export function drawHeadline({ first, others, notes }, result, row, warnings) {
   const limit = hasRig ? "actuator_gross_slip_amplitude" : "gross_slip_amplitude";
   const threshold = unworn?.[limit];
   const now = at > 0 ? history[limit]?.[row] : undefined;
+  const length = unitFor("m", Math.max(threshold ?? 0, sizeOf(result, limit)));
   fill(first, FIRST.map(wear), h("div", {}, h("dt", {}, "Regime"),
     h("dd", {}, h("span", { "data-value": "regime" }, regime), marked("regime")), h("dd", { class: "errors" }, when,
-      threshold != null && [" · ", term(limit, scenario, CHANGES), `\u00a0=\u00a0${quantity(threshold, "m", 3)} unworn`,
-        now != null && [", ", h("span", { "data-value": "threshold" }, quantity(now, "m", 3)), ` after ${cycles(at)} cycles`]])));
+      threshold != null && [" · ", term(limit, scenario, CHANGES), `\u00a0=\u00a0${length(threshold, 3)} unworn`,
+        now != null && [", ", h("span", { "data-value": "threshold" }, length(now, 3)), ` after ${cycles(at)} cycles`]])));
   fill(others, [...OTHERS, ...(hasRig ? ["amplitude", "gross_slip_amplitude"] : [])].map((name) => h("div", {}, h("dt", {}, term(name, scenario)),
-    h("dd", {}, h("span", { "data-value": name }, quantity(history[name]?.[row], units[name], 3)), marked(name)))));
+    h("dd", {}, h("span", { "data-value": name }, shown(name)), marked(name)))));
   const concerned = [...FIRST, "regime", ...OTHERS].map((name) => [name, warnings.filter((warning) => numberOf(warning) === name)])
     .filter(([, own]) => own.length);
   fill(notes, concerned.map(([name, own]) => h("div", { id: `warning-${name}`, tabIndex: -1, class: "warning" },

@@ -3,7 +3,7 @@
 import { h } from "../page/dom.js";
 import { italics } from "../quantities/explain.js";
 import { axisUnit, digits, withUnit } from "../quantities/scaling.js";
-import { cycles, WORDS } from "../quantities/units.js";
+import { cycles, percent, WORDS } from "../quantities/units.js";
 import { extent } from "../figure/curves.js";
 import { distinct, isGeometric, isWide } from "./plan.js";
 
@@ -23,6 +23,7 @@ export class StudyTable {
   #total;
   #shown = ROWS;
   #sort = null;
+  #isRelative = false;
 
   constructor(view, { open, total, signal }) {
     [this.#view, this.#open, this.#total] = [view, open, total];
@@ -48,13 +49,16 @@ export class StudyTable {
   }
 
   #draw() {
-    const { table, units, words, count, members } = this.#view;
+    const { table, units, words, count, members, outputs } = this.#view;
     const names = Object.keys(table).filter((name) => name !== "point" && (name in units || table[name].some((value) => value != null)));
     const sizeOf = (name) => sizeIn(table[name].filter(Number.isFinite), members.includes(name));
     const scales = Object.fromEntries(names.filter((name) => name in units).map((name) => [name, axisUnit(units[name], sizeOf(name))]));
     const cell = (name, row) => {
       const value = table[name][row];
-      return name in scales ? digits(value == null ? null : value * scales[name].factor, 5) : WORDS[value] ?? value ?? "";
+      if (!(name in scales)) return WORDS[value] ?? value ?? "";
+      const first = table[name][0];
+      const share = this.#isRelative && row > 0 && outputs.includes(name) && first && value != null ? ` (${value < first ? "" : "+"}${percent((value - first) / Math.abs(first))})` : "";
+      return digits(value == null ? null : value * scales[name].factor, 5) + share;
     };
     const head = (name) => {
       const { title, symbol } = words(name);
@@ -75,6 +79,11 @@ export class StudyTable {
     const focused = /** @type {HTMLElement} */ (document.activeElement)?.dataset?.column;
     this.element.replaceChildren(...[h("h2", {}, "Table"),
       h("p", { class: "muted" }, [note, members.length && count ? "Outputs are those after the last cycle if their heading says no other time. A heading sorts the rows." : "", this.#open ? "A row opens its run, which is then kept in the library." : ""].filter(Boolean).join(" ")),
+      count > 1 && h("label", { class: "option" }, h("input", { type: "checkbox", id: "in-percent", checked: this.#isRelative, onchange: ({ target }) => {
+        this.#isRelative = target.checked;
+        this.#draw();
+        this.element.querySelector("#in-percent").focus();
+      } }), `Differences from point ${point(0)} in\u00a0%`),
       h("div", { class: "table", tabIndex: 0, role: "region", "aria-label": "Rows" }, h("table", { id: "study" },
         h("thead", {}, h("tr", {}, h("th", { scope: "col" }, "Point"), names.map(head))), h("tbody", {}, shown.map(row)))),
       more > 0 && h("button", { type: "button", onclick: () => {

@@ -111,6 +111,12 @@ function withUnit(text, unit = "") {
   return read.rest || unit ? `${read.number} ${read.rest || unit}` : Number(read.number);
 }
 
+/** A standard deviation in per cent of the mean, such as "5 %", as a number of the unit of the mean; other texts as they are. */
+export function ofMean(text = "", mean = "") {
+  const [read, own] = [text, mean].map(readNumber);
+  return read?.rest === "%" && own ? typed(Math.abs(own.number) * read.number / 100) + (own.rest && ` ${own.rest}`) : text;
+}
+
 /** The factors whose product is the number of points of a study, as texts. */
 export function factorsOf(study) {
   const { sample } = OFFERS[study.kind];
@@ -136,7 +142,9 @@ export function jobBody(scenario, study) {
     const { from, to, unit, count, spacing, distribution } = ranges[pointer];
     const own = distributionOf(ranges[pointer], study);
     if (own) {
-      const given = own.parameters.map(([name, , isPlain]) => [name, withUnit(ranges[pointer][name], isPlain ? "" : unit)]);
+      const { mean, standard_deviation: deviation } = ranges[pointer];
+      const texts = { ...ranges[pointer], standard_deviation: ofMean(deviation, mean) };
+      const given = own.parameters.map(([name, , isPlain]) => [name, withUnit(texts[name], isPlain ? "" : unit)]);
       return { distribution: { [distribution]: Object.fromEntries(given) } };
     }
     return { from: withUnit(from, unit), to: withUnit(to, unit), ...(!isDrawn(study) && { count: withUnit(count) ?? "" }),
