@@ -69,6 +69,18 @@ def first_load(browser):
     page.context.close()
 
 
+def spoken_depth(browser):
+    """A screen reader is told the depth when it stays."""
+    page = first_page(browser)
+    page.fill("#friction", "0.5")
+    depth = evaluated(page)
+    page.wait_for_function("""depth => {
+        const [words, shown] = document.querySelector("#spoken").textContent.split(": ");
+        return words.startsWith("Largest wear depth") && Math.abs(parseFloat(shown) / depth - 1) < 0.01;
+    }""", arg=depth)
+    page.context.close()
+
+
 def type_a_radius(browser):
     """The curve changes without a click. Everything stands above the fold of a small screen, and Keep is near."""
     page = first_page(browser)
@@ -412,7 +424,7 @@ def keyboard(browser):
 
 # What differs most between browsers: events of the keyboard and of the pointer, the clipboard, and the storage of a page.
 SHORT = [type_a_radius, drag_friction, keep_and_reopen, keyboard]
-ALL = [first_load, type_a_radius, units, drag_friction, slider_follows_typing, paste_a_trace, edit_rows, long_run, keep_and_reopen, faults,
+ALL = [first_load, spoken_depth, type_a_radius, units, drag_friction, slider_follows_typing, paste_a_trace, edit_rows, long_run, keep_and_reopen, faults,
     errors_and_warnings, phone, keyboard]
 
 

@@ -36,6 +36,9 @@ const VIEWS = {
   keys: ["Access keys", later(() => import("./access/keys.js"), "showKeys")],
 };
 
+/** What an address without a view shows. */
+const NONE = ["Page not found", (place) => fill(place, h("h1", {}, "Page not found"), h("p", {}, "No page has the address ", h("code", {}, location.hash), ". Use the menu at the top."))];
+
 const main = document.getElementById("main");
 const banner = document.getElementById("banner");
 const units = document.getElementById("units");
@@ -72,7 +75,7 @@ async function route() {
   const words = new URLSearchParams(query);
   drawnFor = userOf(caller());
   if (caller() === null && !isShared(words)) return welcome();
-  const [title, show] = VIEWS[Object.hasOwn(VIEWS, name) ? name : ""];
+  const [title, show] = Object.hasOwn(VIEWS, name) ? VIEWS[name] : NONE;
   document.title = `${title} · fretwork`;
   for (const link of document.querySelectorAll("nav a")) {
     if (VIEWS[link.hash.slice(2)][0] === title) link.setAttribute("aria-current", "page");

@@ -1,6 +1,6 @@
 // The result beside the form, drawn from each evaluation: numbers with their errors, profiles, histories, loop and section.
 
-import { fill, h } from "../page/dom.js";
+import { debounced, fill, h } from "../page/dom.js";
 import { cycles } from "../quantities/units.js";
 import { Cursors, Figure } from "../figure/figure.js";
 import { playButton } from "../figure/player.js";
@@ -26,6 +26,11 @@ export class Preview {
   #texts = Object.fromEntries(["outside", "missing", "ratios"].map((name) => [name, h("p", { class: "muted", id: name })]));
   #state = h("p", { class: "muted", id: "computing", role: "status" });
   #progress = h("progress", { max: 1, "aria-label": "Progress", hidden: true });
+  #spoken = h("p", { class: "hidden", role: "status", id: "spoken" });
+  /** Tells screen readers the depth when it stays. */
+  #speak = debounced(1000, () => {
+    this.#spoken.textContent = [...this.#headline.first.querySelectorAll("div:first-child :is(dt .term, [data-value])")].map((part) => part.textContent).join(": ");
+  });
   #stepRow;
   #grid;
 
@@ -40,7 +45,7 @@ export class Preview {
     this.#grid = h("div", { class: "figures", hidden: true }, card("profile", "Profiles", this.#figures.profile.element),
       card("section", "Section", this.#section.element), card("depth", "Depth", this.#figures.depth.element),
       card("volume", "Volume", this.#figures.volume.element), card("loop", "Fretting loop", this.#figures.loop.element, this.#texts.ratios));
-    this.element = h("section", { class: "preview", "aria-label": "Result" }, this.#headline.first, this.#state, this.#progress, this.#headline.notes, this.#stepRow, this.#grid,
+    this.element = h("section", { class: "preview", "aria-label": "Result" }, this.#spoken, this.#headline.first, this.#state, this.#progress, this.#headline.notes, this.#stepRow, this.#grid,
       this.#texts.outside, this.#texts.missing,
       h("details", { class: "card" }, h("summary", {}, "More numbers"), this.#headline.others));
     document.addEventListener("units", () => this.#result && this.#draw(), { signal });
@@ -106,6 +111,7 @@ export class Preview {
     this.#steps.setAttribute("aria-valuetext", `${cycles(at)} cycles`);
     this.#position.textContent = `N = ${cycles(at)}`;
     drawHeadline(this.#headline, result, nearest(result.history.cycles, at), result.warnings.filter(isAtNumber));
+    this.#speak();
     drawProfile(this.#figures.profile, this.#texts.outside, result, { plot: "worn", row });
     for (const name of ["depth", "volume"]) drawHistory(this.#figures[name], this.#texts.missing, result, { history: name, log: "x", at });
     drawLoop(this.#figures.loop, this.#texts.ratios, result, at);

@@ -180,9 +180,10 @@ export class Table {
     })));
     if (focused) this.head.querySelector(`[data-sort="${focused}"]`)?.focus();
     const all = [2.4, ...this.columns.map((name) => COLUMNS[name].width)];
-    fill(this.widths, all.map((width) => {
+    fill(this.widths, all.map((width, i) => {
       const column = h("col", {});
-      column.style.width = `${width}rem`;
+      // The name has the width that others leave.
+      if (this.columns[i - 1] !== "name") column.style.width = `${width}rem`;
       return column;
     }));
     this.table.style.minWidth = `${all.reduce((sum, width) => sum + width, 0)}rem`;

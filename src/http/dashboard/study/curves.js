@@ -2,7 +2,7 @@
 
 import { quantity } from "../quantities/scaling.js";
 import { spread } from "../figure/curves.js";
-import { distinct, isGeometric } from "./plan.js";
+import { distinct, isGeometric, isWide } from "./plan.js";
 import { inner } from "./words.js";
 
 /** The colours of the curves: grey comes last. There are as many curves at most. */
@@ -25,5 +25,5 @@ export function curvesOf(view, { output, over, by, rows: given }) {
   });
   const description = `${title(output)} over ${inner(title(over))}`;
   return { curves, note: drawn.length < values.length ? `${drawn.length} of ${values.length} values of ${inner(title(by))} are drawn.` : "",
-    axes: { x: { ...words(over), unit: units[over], log: isGeometric(distinct(table[over])) }, y: { ...words(output), unit: units[output] }, description } };
+    axes: { x: { ...words(over), unit: units[over], log: isGeometric(distinct(table[over])) }, y: { ...words(output), unit: units[output], log: isWide(rows.map((row) => table[output][row])) }, description } };
 }
