@@ -188,12 +188,9 @@ export async function showCompare(main, { query, signal }) {
     card("First history", "first", [choose("first", "History", columns, ["first"]), choose("log", "Axes", { x: "log N", "": "Linear", xy: "log–log" }, ["first", "second"])]),
     card("Second history", "second", choose("second", "History", columns, ["second"])),
     card("Fretting loops", "loop", h("span", { class: "muted" }, "Force over displacement in one cycle"))));
-  // Straight lines between few points would say something false until more points are there.
-  for (const { result } of runs) result.history.isRough = true;
+  const smoothing = smooth(runs, signal);
   arrange(runs);
   document.addEventListener("units", draw, { signal });
-  await smooth(runs, signal);
-  if (signal.aborted) return;
-  for (const { result } of runs) delete result.history.isRough;
-  draw();
+  await smoothing;
+  if (!signal.aborted) draw();
 }

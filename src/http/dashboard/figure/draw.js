@@ -159,10 +159,11 @@ function drawAxes({ area, horizontal, vertical, width }) {
   return parts;
 }
 
-/** Vertical lines at events. A name that would cover the one before it is left out. */
+/** Vertical lines at events. A name that would cover the one before it is left out, or has only its number. */
 function drawMarks(marks, { area, horizontal }) {
   let free = area.left;
-  return [...marks].sort((a, b) => a.x - b.x).flatMap(({ x: value, name }) => {
+  return [...marks].sort((a, b) => a.x - b.x).flatMap(({ x: value, name: words, short }) => {
+    const name = [[words, short].filter(Boolean).join(", "), short].find((own) => own && widthOf(own) <= area.right - free);
     if (!isOn(value, horizontal)) return [];
     const x = horizontal.at(value);
     const parts = [line(x, area.top, x, area.bottom, { stroke: "var(--soft)", "stroke-width": 1, "stroke-dasharray": "3 3", opacity: name ? 1 : 0.45 })];

@@ -122,7 +122,7 @@ export function drawProfile(figure, outside, result, { plot: name, row, chosen =
 
 /** The marks of a history: its events, and the edges of amplitude blocks. */
 function marksOf({ events, scenario: { motion } }) {
-  const names = events.map(({ kind, cycles: x }) => ({ x, name: `${WORDS[kind]}, N\u00a0=\u00a0${cycles(Math.round(x))}` }));
+  const names = events.map(({ kind, cycles: x }) => ({ x, name: WORDS[kind], short: `N\u00a0=\u00a0${cycles(Math.round(x))}` }));
   const blocks = motion.blocks?.length <= MAX_EDGES ? motion.blocks : [];
   let x = 0;
   return [...blocks.slice(0, -1).map(({ cycles: length }) => ({ x: (x += length), name: "" })), ...names];

@@ -17,7 +17,7 @@ import { drawDetails } from "./details.js";
 import { drawHeadline } from "./headline.js";
 import { profileMenu, rowsOfText, textOfRows } from "./profile-menu.js";
 import { Section } from "./section.js";
-import { smooth } from "./smooth.js";
+import { patience, smooth } from "./smooth.js";
 import { isAtNumber } from "./warnings.js";
 
 /** The label, the source and the submitted scenario of a job, by default of the latest job of the result. With `id`, also its warnings. */
@@ -72,7 +72,8 @@ export async function showResult(main, { id: key, query, signal }) {
   const { earlier, bodies } = await loadWarnings(key, link, signal);
   const bodyWarnings = bodyWarningsOf(result, job, bodies);
   result.warnings.push(...earlier);
-  await smooth([{ result, link }], signal);
+  const smoothing = smooth([{ result, link }], signal).then(() => true);
+  if (!await Promise.race([smoothing, patience()])) smoothing.then(() => signal.aborted || drawOutput());
   const outputs = result.profiles?.cycles ?? result.history.cycles;
   const state = {
     plot: PROFILES.includes(query.get("plot")) ? query.get("plot") : "worn",

@@ -1,13 +1,13 @@
 // The warnings of a run: which number each concerns, and which field of the form changes it.
 
 import { explained, h } from "../page/dom.js";
-import { cycles, quantity } from "../quantities/units.js";
+import { cycles, digits, quantity } from "../quantities/units.js";
 
 /** For each kind of warning, the number that it concerns and the fields that can change. Other kinds stand in the cards below. */
 const KINDS = {
   numerical_error: ["wear_volume", "/model/tolerance", "/model/points"], model_error: ["wear_volume", "method"],
   model_error_unknown: ["wear_volume", "method"], simplified_gross_slip: ["wear_volume", "method"],
-  fast_wear: ["wear_depth", "/wear/coefficient", "/wear/energy_coefficient", "/motion/amplitude"], split_of_wear: ["wear_depth", "/motion/amplitude"],
+  fast_wear: ["wear_depth"], split_of_wear: ["wear_depth", "/motion/amplitude"],
   earlier_version: ["wear_depth"], sparse_profile: ["wear_volume", "/profile/radius"], noisy_profile: ["wear_volume", "/profile/height"],
   large_contact: ["contact_radius", "/load/normal_force", "/load/indentation_depth"],
   short_line: ["contact_radius", "/profile/length"],
@@ -49,12 +49,14 @@ export function unknownYield({ bodies }, { peak_pressure: peak }) {
 
 const ESTIMATE = "Take it as an estimate.";
 /** What to do, in the words of docs/accuracy.md, where the warning of the server does not say it. */
-const REMEDIES = { large_contact: ESTIMATE, large_amplitude: "Use another program, or a smaller amplitude.", short_line: ESTIMATE,
+const REMEDIES = { large_contact: ESTIMATE, large_amplitude: "Use another program.", fast_wear: ESTIMATE, short_line: ESTIMATE,
   elliptical_contact: ESTIMATE, long_scar: "Take its depth as an estimate.", split_of_wear: "Use the total wear of both bodies.",
   simplified_gross_slip: "Use the exact method." };
 
 /** The text of a warning in the words and units of the page. Results contain the texts of the server, so these cannot change. */
 export const worded = (detail) => detail.replace(": see `wear_volume_error` and `wear_depth_error` of the history", "")
+  // The physics is what the user asks about: no warning asks to change it.
+  .replace(" Enter a smaller wear coefficient or amplitude.", "").replace(/(?<=In about )[\d.]+(?= cycles)/, (at) => digits(Number(at), 2))
   .replace("`model.points`", "output radii").replace(/`(?:\w+\.)*(\w+)`/g, (_, name) => name.replaceAll("_", " "))
   .replace(/([\d.]+e-?\d+) m\b/g, (_, metres) => quantity(Number(metres), "m", 3))
   .replace(/(?<=At cycle )[\d.]+e\d+/, (at) => cycles(Number(at)));
