@@ -229,6 +229,15 @@ def named(browser, base):
     for route in waiting:
         route.continue_()
     expect(first.locator(".curve[stroke-width='2']")).to_have_count(2)
+    # In the units of each unworn contact.
+    page.select_option("#choose-scale", "ratio")
+    page.click("[aria-label='Save comparison-profile']")
+    head, *rows = csv.reader(downloaded(page, page.get_by_role("button", name="Save comparison-profile as CSV").click).decode().splitlines())
+    own = ask(base, f"/v1/results/{keys[1]}")
+    radius, scales = own["profiles"]["radius"], own["scales"]
+    assert head == ["Radius (1)", "A: 140 N (1)", "Radius (1)", "B: 150 N (1)"], head
+    assert abs(float(rows[-1][2]) - radius[-1] / scales["contact_radius"]) < 1e-9, rows[-1]
+    assert abs(float(rows[-1][3]) - own["profiles"]["worn"][-1][-1] / scales["indentation_depth"]) < 1e-9, rows[-1]
     page.click("[aria-label='Save comparison-first']")
     saved = downloaded(page, page.get_by_role("button", name="Save comparison-first as SVG").click).decode()
     assert ">140\u00a0N<" in saved and ">150\u00a0N<" in saved and "Force 140" not in saved, saved

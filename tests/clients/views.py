@@ -123,6 +123,7 @@ def papers(browser, base):
     page.get_by_label("ξ of the simplified rule").fill("0.9")
     page.get_by_label("ξ of the simplified rule").press("Tab")
     expect(profiles.locator(".curve[stroke-dasharray='2 3']")).to_have_count(3)
+    browser.check_accessibility(page, "profile menu")
     page.keyboard.press("Escape")
     page.select_option("#choose-scale", "ratio")
     result, rule = ask(base, f"/v1/results/{key}"), ask(base, "/v1/evaluate", {"scenario": {
@@ -170,8 +171,11 @@ def same_cycle(page, base, key):
     read = readout(page, "History")["Cycles"]
     expect(profiles.locator(".curve.lit")).to_have_count(1)
     expect(profiles.locator(".marked")).to_have_text(f"Marked: N\u00a0=\u00a0{read}")
+    loops = figure_of(page, "Fretting loop").locator(".caption")
+    expect(loops).to_have_text(f"Fretting loop after {read} cycles")
     page.keyboard.press("Escape")
     expect(profiles.locator(".curve.lit")).to_have_count(0)
+    expect(loops).to_have_text("Fretting loop after 100\u202f000 cycles")
     # The pointer on a curve of another cycle marks that cycle in the history.
     d = profiles.locator(".curve").first.get_attribute("d")
     x, y = map(float, re.match(r"M([\d.]+) ([\d.]+)", d).groups())

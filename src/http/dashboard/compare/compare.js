@@ -67,7 +67,7 @@ export async function showCompare(main, { query, signal }) {
   const loaded = await Promise.all(asked.slice(0, LETTERS.length).map((run) => load(run, signal)));
   let runs = loaded.filter(({ fault }) => !fault);
   const isGuest = asked.some(({ link }) => link);
-  const state = { at: query.get("at"), plot: choiceOf(query.get("plot"), PROFILES, "worn"), first: choiceOf(query.get("first"), COLUMNS, "wear_volume"),
+  const state = { at: query.get("at"), plot: choiceOf(query.get("plot"), PROFILES, "worn"), scale: choiceOf(query.get("scale"), ["", "ratio"], ""), first: choiceOf(query.get("first"), COLUMNS, "wear_volume"),
     second: choiceOf(query.get("second"), COLUMNS, "wear_depth"), log: choiceOf(query.get("log"), ["x", "", "xy"], "x") };
   document.title = `Comparison of ${runs.length} runs · fretwork`;
   const faults = [...loaded.filter(({ fault }) => fault).map(({ key, fault }) => `${key.slice(0, 12)}… cannot be shown. ${fault}`),
@@ -127,7 +127,7 @@ export async function showCompare(main, { query, signal }) {
     rows = rowsOf(shown);
     shown.forEach((run, i) => { run.what = whatDiffers(rows.inputs, i); });
     drawTable(table, shown, rows, table.querySelector("details")?.open, { makeFirst, remove });
-    drawProfiles(figures.profile, notes.profile, shown, state.plot);
+    drawProfiles(figures.profile, notes.profile, shown, state.plot, state.scale);
     for (const name of ["first", "second"]) drawHistories(figures[name], notes[name], shown, state[name], state.log);
     drawLoops(figures.loop, notes.loop, shown);
   }
@@ -184,7 +184,8 @@ export async function showCompare(main, { query, signal }) {
   h("section", { class: "card output", "aria-label": "Output cycle" }, h("div", { class: "row steps" }, h("label", { for: "output" }, "Output cycle"), player, slider, position)),
   table,
   h("div", { class: "plots" },
-    card("Profiles", "profile", choose("plot", "Profile", Object.fromEntries(PROFILES.map((name) => [name, WORDS[name]])), ["profile"])),
+    card("Profiles", "profile", [choose("plot", "Profile", Object.fromEntries(PROFILES.map((name) => [name, WORDS[name]])), ["profile"]),
+      choose("scale", "Axes", { "": "Lengths", ratio: "r/a₀, f/d₀ of each run" }, ["profile"])]),
     card("First history", "first", [choose("first", "History", columns, ["first"]), choose("log", "Axes", { x: "log N", "": "Linear", xy: "log–log" }, ["first", "second"])]),
     card("Second history", "second", choose("second", "History", columns, ["second"])),
     card("Fretting loops", "loop", h("span", { class: "muted" }, "Force over displacement in one cycle"))));

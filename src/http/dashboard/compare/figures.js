@@ -3,7 +3,7 @@
 import { symbolOf } from "../quantities/explain.js";
 import { cycles, isLine, quantity, wordOf, WORDS } from "../quantities/units.js";
 import { branches, extent, maxDifference } from "../figure/curves.js";
-import { after, heightTitle, historyCurve, isKnown, loopAxes, MAX_BRANCHES, nearest, rangeOf } from "../figure/run.js";
+import { after, heightTitle, historyCurve, isKnown, loopAxes, MAX_BRANCHES, nearest, perOf, rangeOf } from "../figure/run.js";
 
 /** The columns of the history that can be compared. */
 export const COLUMNS = ["wear_volume", "wear_depth", "dissipated_energy", "energy_per_cycle", "scar_radius", "contact_radius", "stick_radius",
@@ -23,28 +23,32 @@ const whenOf = (runs) => {
   return all.size === 1 ? [...all][0] : null;
 };
 
-/** Draws the profiles, and the largest difference of each to the first. */
-export function drawProfiles(figure, words, runs, name) {
+/** Draws the profiles, as lengths or in the units of each unworn contact, and the largest difference of each to the first. */
+export function drawProfiles(figure, words, runs, name, scale) {
   const drawn = runs.filter(({ result }) => result.profiles?.cycles.length);
   const curves = drawn.map((run) => {
     const { profiles, history } = run.result;
     const row = nearest(profiles.cycles, history.cycles[run.row]);
-    return { ...styleOf(run), x: profiles.radius, y: profiles[name][row], label: "apart", at: profiles.cycles[row], wanted: history.cycles[run.row] };
+    const [wide, high] = perOf(run.result, name, scale === "ratio").map(({ per = 1 }) => per);
+    return { ...styleOf(run), high, x: profiles.radius.map((own) => own / wide), y: profiles[name][row].map((own) => own && own / high), label: "apart", at: profiles.cycles[row], wanted: history.cycles[run.row] };
   });
   figure.element.hidden = !curves.length;
   const others = curves.filter(({ at, wanted }) => at !== wanted).map(({ letter, at }) => `${letter} has no profile there and is shown at N\u00a0=\u00a0${cycles(at)}.`);
   const missing = leftOut(runs.filter((run) => !drawn.includes(run)), "without profiles");
   if (!curves.length) return void (words.textContent = missing);
-  const { units, scenario } = drawn[0].result;
-  const letter = isLine(scenario.profile) ? "x" : "r";
+  const { units: own, scenario } = drawn[0].result;
+  const per = perOf(drawn[0].result, name, scale === "ratio");
+  const units = { radius: per[0].per ? "1" : own.radius, [name]: per[1].per ? "1" : own[name] };
+  const letter = `${isLine(scenario.profile) ? "x" : "r"}${per[0].per ? "/a₀" : ""}`;
   const differences = curves.slice(1).map((curve) => [curve, maxDifference(curves[0], curve)]).filter(([, found]) => found)
     .map(([curve, { value, at }]) => `${curve.letter} ${quantity(value, units[name], 3)} at ${letter}\u00a0=\u00a0${quantity(at, units.radius, 3)}`);
   words.textContent = [differences.length > 0 && `Largest difference from ${curves[0].letter}: ${differences.join(", ")}.`, ...others, missing].filter(Boolean).join(" ");
   const at = whenOf(drawn);
   figure.title = at === null ? `${WORDS[name]} at the end of each run` : after(name, at);
   const across = wordOf("radius", scenario);
-  figure.show(curves, { x: { title: across, symbol: symbolOf("radius", scenario), unit: units.radius },
-    y: { title: heightTitle(name), symbol: symbolOf(name), unit: units[name], range: extent(drawn.map(({ result }) => rangeOf(result, name)).filter(Boolean)) },
+  const ranges = drawn.map(({ result }, i) => rangeOf(result, name)?.map((end) => end / curves[i].high)).filter(Boolean);
+  figure.show(curves, { x: { title: across, symbol: per[0].symbol ?? symbolOf("radius", scenario), unit: units.radius },
+    y: { title: heightTitle(name), symbol: per[1].symbol ?? symbolOf(name), unit: units[name], range: extent(ranges) },
     description: `${figure.title} of ${curves.length} runs, over ${across}` });
 }
 

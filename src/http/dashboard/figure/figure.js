@@ -10,6 +10,8 @@ import { Zoom } from "./zoom.js";
 
 /** Figures whose cursors move together if they have the same quantity on their x axes. */
 export class Cursors {
+  /** Is called with the cycle that is read; null if there is none. */
+  onmark = () => {};
   #figures = new Set();
 
   add(figure) {
@@ -28,6 +30,7 @@ export class Cursors {
       else if (figure.isOverCycles) figure.cursor(at, false);
       figure.light(at);
     }
+    this.onmark(at);
   }
 }
 

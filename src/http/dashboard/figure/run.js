@@ -98,7 +98,7 @@ export const after = (name, at) => (at > 0 ? `${WORDS[name]} after ${cycles(at)}
 const HEIGHTS = ["worn", "wear", "image"];
 
 /** What the axes of a profile are divided by: nothing, or radius and depth of the unworn contact. The depth of a line contact is that of its bodies. */
-function perOf({ scales, scenario: { profile } }, name, isRatio) {
+export function perOf({ scales, scenario: { profile } }, name, isRatio) {
   if (!isRatio) return [{}, {}];
   const by = (symbol, of, per) => ({ per, symbol: `${symbol}/$${of}$₀` });
   return [by(isLine(profile) ? "$x$" : "$r$", "a", scales.contact_radius), HEIGHTS.includes(name) && !isLine(profile) ? by(symbolOf(name), "d", scales.indentation_depth) : {}];

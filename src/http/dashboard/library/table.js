@@ -3,7 +3,7 @@
 import { fill, h } from "../page/dom.js";
 import { columnOf } from "../quantities/scaling.js";
 import { get } from "../access/api.js";
-import { COLUMNS, isRun, nameOfEntry } from "./columns.js";
+import { COLUMNS, nameOfEntry } from "./columns.js";
 import { Thumbnails } from "./thumbnails.js";
 
 const PAGE = 100;
@@ -160,7 +160,7 @@ export class Table {
     const cells = this.columns.map((name) => {
       const { cell, isNumber } = COLUMNS[name];
       const content = cell(entry, this.#texts);
-      if (name === "picture" && isRun(entry)) this.pictures.add(content, entry);
+      if (name === "picture") this.pictures.add(content, entry);
       return h(name === "name" ? "th" : "td", { scope: name === "name" ? "row" : null, class: isNumber ? "number" : name }, content);
     });
     return h("tr", { class: isChosen ? "entry chosen" : "entry", "data-key": entry.key }, h("td", { class: "pick" },

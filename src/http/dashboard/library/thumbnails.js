@@ -1,7 +1,9 @@
-// Small pictures of profiles in a list. They are loaded when the list stands still, a few at a time, so that they never delay it.
+// Small pictures of profiles, and of points of studies, in a list. They are loaded when the list stands still, a few at a time, so that they never delay it.
 
 import { svg } from "../page/dom.js";
+import { KINDS } from "../quantities/words.js";
 import { get, resultAddress } from "../access/api.js";
+import { extent } from "../figure/curves.js";
 
 const STILL_MS = 150;
 const AT_ONCE = 2;
@@ -61,8 +63,24 @@ export class Thumbnails {
 
 const drawPaths = (picture, [unworn, worn]) => picture.replaceChildren(svg("path", { class: "unworn", d: unworn }), svg("path", { class: "worn", d: worn }));
 
+/** Studies of more bytes have no picture: it would take too long. */
+const LARGEST = 1e5;
+
+/** The points of a study: its first output over the first number that varies. */
+async function pointsOf(key, signal) {
+  const { table = {} } = await get(resultAddress(key, "/table?digits=3"), { signal }).catch(() => ({}));
+  const columns = [true, false].map((isMember) => Object.entries(table).find(([name, values]) => name.startsWith("/") === isMember && values.some(Number.isFinite))?.[1]);
+  if (!columns.every(Boolean)) return null;
+  const [x, y] = columns.map((values) => {
+    const [low, high] = extent([values]);
+    return values.map((value) => (value == null ? NaN : high > low ? (value - low) / (high - low) : 0.5));
+  });
+  return ["", x.map((across, i) => (Number.isNaN(across + y[i]) ? "" : `M${(5 + 86 * across).toFixed(1)},${(43 - 38 * y[i]).toFixed(1)}h0`)).join("")];
+}
+
 /** The paths of the unworn and the last worn profile, from 40 points with 3 digits. A result without profiles has none. */
-async function pathsOf({ key, values }, signal) {
+async function pathsOf({ key, kind, size, values }, signal) {
+  if (KINDS[kind]) return size < LARGEST ? pointsOf(key, signal) : null;
   const words = new URLSearchParams({ fields: "worn,initial", cycles: values.cycles, points: 40, digits: 3 });
   const part = await get(resultAddress(key, `/profiles?${words}`), { signal }).catch(() => null);
   const { radius, worn = [], initial } = part?.profiles ?? {};

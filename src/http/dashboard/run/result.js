@@ -94,6 +94,7 @@ export async function showResult(main, { id: key, query, signal }) {
 
   const group = new Cursors();
   const figures = Object.fromEntries(["profile", "history", "loop"].map((name) => [name, new Figure({ name, group, signal, onzoom: remember })]));
+  group.onmark = (at) => showLoop(at);
   restore(figures, query);
   const section = new Section(signal);
   const slider = h("input", { type: "range", id: "output", min: 0, max: outputs.length - 1, value: state.row,
@@ -130,6 +131,13 @@ export async function showResult(main, { id: key, query, signal }) {
     h("p", { class: "row muted" }, "Force over displacement in one cycle"),
     result.loops?.cycles.length ? figures.loop.element : noProfiles("loops"), ratios);
   let frame = null;
+  let loopAt = null;
+  /** Shows the loop of the cycle that is read in another figure, else that of the slider. */
+  function showLoop(read) {
+    const at = read ?? outputs[state.row];
+    if (at !== loopAt) drawLoop(figures.loop, ratios, result, at);
+    loopAt = at;
+  }
   function drawOutput() {
     frame = null;
     const at = outputs[state.row];
@@ -138,7 +146,8 @@ export async function showResult(main, { id: key, query, signal }) {
     drawHeadline(headline, result, nearest(result.history.cycles, at), numberWarnings);
     drawProfile(figures.profile, outside, result, state);
     drawHistory(figures.history, missing, result, { ...state, at });
-    drawLoop(figures.loop, ratios, result, at);
+    loopAt = null;
+    showLoop(null);
     loopCard.classList.toggle("words", figures.loop.element.hidden || !result.loops?.cycles.length);
     if (result.profiles) section.show(result, state.row);
   }
