@@ -30,6 +30,14 @@ def fill_shelf(base):
     ask(base, "/v1/jobs", {**study, "label": "Study of horses", "tags": [TAG]})
 
 
+def pictures(page, base):
+    """A run has a picture of its profiles, and a study one of its points."""
+    page.goto(f"{base}/#/library?q={TAG}")
+    study = page.locator(".entry", has_text="Study of horses")
+    expect(study.locator(".thumbnail path").last).to_have_attribute("d", re.compile("^(M[^M]+h0){4}$"))
+    expect(page.locator(".entry", has_text="Sample 11,").locator(".thumbnail path")).to_have_count(2)
+
+
 def search(page, base):
     """A run is found by words of its label and tag, in any case. The address keeps the words."""
     page.goto(base + "/#/library")
@@ -252,6 +260,7 @@ def accessibility(browser, base):
 def library(browser, base):
     fill_shelf(base)
     page = browser.page(base)
+    pictures(page, base)
     search(page, base)
     sort(page, base)
     columns(page)

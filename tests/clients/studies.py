@@ -112,6 +112,19 @@ def curves(page, base):
     return key
 
 
+def errors(page, base):
+    """The numerical error of an output stands beside its value."""
+    body = sweep(base, ("/friction", 0.6, 0.8, 3), outputs=("wear_volume", "wear_volume_error"))
+    body["sweep"]["scenario"]["model"] = {"method": "exact", "points": 64}
+    key = computed(base, body)
+    open_study(page, base, key)
+    table = ask(base, f"/v1/results/{key}")["table"]
+    expect(page.locator("#study thead th")).to_have_count(3)
+    for row, error in enumerate(table["wear_volume_error"]):
+        shown = page.locator("#study tbody tr").nth(row).locator("td").last.inner_text()
+        assert abs(float(re.search(r" ± ([\d.]+)\u00a0%$", shown)[1]) / (100 * error) - 1) < 0.06, (shown, error)
+
+
 def opened_run(page, row, study):
     """The page has opened the run of a row: its scenario has the numbers of the row, and its volume is that of the row."""
     page.wait_for_selector("#headline dd")
@@ -397,6 +410,7 @@ def studies(browser, base):
     """Returns the addresses of studies of several kinds."""
     page = browser.page(base)
     long_table(page, base)
+    errors(page, base)
     grid = curves(page, base)
     points(page, base, grid)
     three_numbers(page, base)

@@ -12,7 +12,7 @@ import { outputWords } from "../study/words.js";
 
 /** The outputs that the form offers. All are columns of the history, at its last output cycle. */
 const OUTPUTS = ["wear_volume", "wear_depth", "scar_radius", "contact_radius", "stick_radius", "dissipated_energy",
-  "energy_per_cycle"];
+  "energy_per_cycle", "wear_volume_error", "wear_depth_error"];
 
 const SPACINGS = { linear: "Linear", log: "Logarithmic" };
 /** The distributions of a random sample. The first two are ranges with a spacing. */

@@ -84,7 +84,7 @@ export function drawActions(result, { job, link, form, remember, signal }) {
   // The holder of a shared link sees the values in the form without a key.
   const address = form && link ? `${form}&link=${encodeURIComponent(link)}` : form;
   // The computed values are not those that the user knows: E* in place of the bodies.
-  const edit = address && (!link || job.typed) && h("a", { class: "button", href: address }, may("submit") && !link ? "Edit and run again" : "Open in the form");
+  const edit = address && (!link || job.typed) && h("a", { class: link ? "button" : "button primary", href: address }, may("submit") && !link ? "Edit and run again" : "Open in the form");
   if (link) return h("div", { class: "actions" }, menu, report, edit, linkEnd([link]));
   const row = h("div", { class: "actions" }, menu, report, may("share") && sharing(addressFor),
     !isStudy && h("a", { class: "button", href: `#/library?with=${key}` }, "Compare…"), edit);

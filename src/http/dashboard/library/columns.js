@@ -45,13 +45,13 @@ export const COLUMNS = {
   gross_slip_amplitude: number("gross_slip_amplitude", "Gross-slip threshold at the contact or reference, unworn"),
   tangential_force: number("tangential_force"),
   cycles: { ...number("cycles", "Cycles N", 6.5), cell: ({ values }) => values.cycles != null && cycles(values.cycles) },
-  wear_volume: number("wear_volume", WORDS.wear_volume, 8),
-  wear_depth: number("wear_depth", "Wear depth", 7.2),
+  wear_volume: number("wear_volume", WORDS.wear_volume, 10),
+  wear_depth: number("wear_depth", "Wear depth", 9),
   scar_radius: number("scar_radius"),
   dissipated_energy: number("dissipated_energy"),
   owner: { heading: "Computed by", width: 9, cell: ({ owner }) => owner ?? "" },
   size: { heading: "Size", width: 7, sort: "size", isNumber: true, cell: ({ size }) => `${Math.ceil(size / 1000)}\u00a0kB` },
-  created: { heading: "Computed", width: 13, sort: "created", cell: ({ created }) => dateTime(created) },
+  created: { heading: "Computed", width: 14, sort: "created", cell: ({ created }) => dateTime(created) },
 };
 
 /** The columns that are shown first. */

@@ -50,7 +50,10 @@ export class StudyTable {
 
   #draw() {
     const { table, units, words, count, members, outputs } = this.#view;
-    const names = Object.keys(table).filter((name) => name !== "point" && (name in units || table[name].some((value) => value != null)));
+    // The error of an output stands beside its value.
+    const errorOf = (name) => name.replace(/(?=@|$)/, "_error");
+    const beside = new Set(outputs.map(errorOf));
+    const names = Object.keys(table).filter((name) => name !== "point" && !beside.has(name) && (name in units || table[name].some((value) => value != null)));
     const sizeOf = (name) => sizeIn(table[name].filter(Number.isFinite), members.includes(name));
     const scales = Object.fromEntries(names.filter((name) => name in units).map((name) => [name, axisUnit(units[name], sizeOf(name))]));
     const cell = (name, row) => {
@@ -58,7 +61,8 @@ export class StudyTable {
       if (!(name in scales)) return WORDS[value] ?? value ?? "";
       const first = table[name][0];
       const share = this.#isRelative && row > 0 && outputs.includes(name) && first && value != null ? ` (${value < first ? "" : "+"}${percent((value - first) / Math.abs(first))})` : "";
-      return digits(value == null ? null : value * scales[name].factor, 5) + share;
+      const error = table[errorOf(name)]?.[row];
+      return `${digits(value == null ? null : value * scales[name].factor, 5)}${error > 0 ? ` ± ${percent(error, 2)}` : ""}${share}`;
     };
     const head = (name) => {
       const { title, symbol } = words(name);
