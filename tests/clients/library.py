@@ -38,6 +38,16 @@ def pictures(page, base):
     expect(page.locator(".entry", has_text="Sample 11,").locator(".thumbnail path")).to_have_count(2)
 
 
+def same_names(page, base):
+    """Automatic names contain what differs, if they would be equal."""
+    scenario = {**ask(base, "/v1/examples/steel-ball-simplified")["scenario"], "friction": 0.7317}
+    for number in ("2e-5", "4e-5"):
+        ask(base, "/v1/jobs", {"scenario": {**scenario, "wear": {"coefficient": f"{number} mm^3/(N m)"}}, "tags": ["twins"]})
+    page.goto(f"{base}/#/library?q=twins")
+    ends = [re.compile(f"^Paraboloid.* μ\u00a0=\u00a00.7317, k_w\u00a0=\u00a0{number}×10⁻⁵\u00a0mm³/\\(N\u00a0m\\)$") for number in (4, 2)]
+    expect(names(page)).to_have_text(ends)
+
+
 def search(page, base):
     """A run is found by words of its label and tag, in any case. The address keeps the words."""
     page.goto(base + "/#/library")
@@ -261,6 +271,7 @@ def library(browser, base):
     fill_shelf(base)
     page = browser.page(base)
     pictures(page, base)
+    same_names(page, base)
     search(page, base)
     sort(page, base)
     columns(page)

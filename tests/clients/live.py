@@ -379,6 +379,21 @@ def phone(browser):
     page.context.close()
 
 
+def enlarged(browser):
+    """At 200 % zoom, the depth stays in sight of the field that has the focus, and covers none."""
+    page = first_page(browser, width=720)
+    page.emulate_media(reduced_motion="reduce")
+    page.focus("#shape")
+    for _ in range(30):
+        page.keyboard.press("Tab")
+        field, top, depth = page.evaluate("""() => {
+            const box = (element) => element.getBoundingClientRect();
+            return [document.activeElement.id, box(document.activeElement).top, box(document.querySelector("#headline dd"))].map((part) => part.bottom ?? part);
+        }""")
+        assert 0 < depth <= top, (field, depth, top)
+    page.context.close()
+
+
 def keyboard(browser):
     """Without a mouse: reach Keep in less than 15 steps, change numbers, undo, name, keep."""
     page = first_page(browser)
@@ -425,7 +440,7 @@ def keyboard(browser):
 # What differs most between browsers: events of the keyboard and of the pointer, the clipboard, and the storage of a page.
 SHORT = [type_a_radius, drag_friction, keep_and_reopen, keyboard]
 ALL = [first_load, spoken_depth, type_a_radius, units, drag_friction, slider_follows_typing, paste_a_trace, edit_rows, long_run, keep_and_reopen, faults,
-    errors_and_warnings, phone, keyboard]
+    errors_and_warnings, phone, enlarged, keyboard]
 
 
 def main():

@@ -1,12 +1,25 @@
 // The columns of the library: heading, order and cell of each.
 
 import { capital, dateTime, h, svg } from "../page/dom.js";
-import { cycles, WORDS } from "../quantities/units.js";
+import { cycles, quantity, WORDS } from "../quantities/units.js";
 import { KINDS } from "../quantities/words.js";
 import { isDraft, sourceOf, subtitle, title } from "./summary.js";
 
-/** What a result is called: its label, or what it computes. */
-export const nameOfEntry = (entry) => entry.label || title(entry);
+/** What a result is called: its label, or what it computes. `more` tells it from others. */
+export const nameOfEntry = (entry) => entry.label || [title(entry), entry.more].filter(Boolean).join(", ");
+
+/** What automatic names leave out, in words. */
+const LEFT_OUT = [({ values: { wear_coefficient: k } }) => k != null && `k_w\u00a0=\u00a0${quantity(k, "1/Pa")}`, ({ method }) => WORDS[method],
+  ({ values: { rig_stiffness: k } }) => (k == null ? "no rig" : `rig\u00a0${quantity(k, "N/m")}`), ({ values: { cycles: at } }) => at != null && `N\u00a0=\u00a0${cycles(at)}`];
+
+/** Gives entries without a label that have the same name what differs between them. */
+export function tellApart(entries) {
+  const unnamed = entries.filter(({ label }) => !label);
+  for (const same of Map.groupBy(unnamed, title).values()) {
+    const differing = LEFT_OUT.filter((words) => new Set(same.map(words)).size > 1);
+    for (const entry of same) entry.more = differing.map((words) => words(entry)).filter(Boolean).join(", ");
+  }
+}
 export const isRun = ({ kind }) => !KINDS[kind];
 
 const word = (name) => ({ heading: capital(name), width: 9, cell: (entry) => WORDS[entry[name]] ?? "" });

@@ -3,7 +3,7 @@
 import { fill, h } from "../page/dom.js";
 import { columnOf } from "../quantities/scaling.js";
 import { get } from "../access/api.js";
-import { COLUMNS, nameOfEntry } from "./columns.js";
+import { COLUMNS, nameOfEntry, tellApart } from "./columns.js";
 import { Thumbnails } from "./thumbnails.js";
 
 const PAGE = 100;
@@ -120,6 +120,7 @@ export class Table {
     if (results.length) {
       const page = { entries: results, body: h("tbody", {}), isShown: true };
       this.#pages.push(page);
+      tellApart(this.entries);
       if (this.#pages.length === 1) this.#measure();
       this.#draw(page);
       this.table.append(page.body);
