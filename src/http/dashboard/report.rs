@@ -57,9 +57,10 @@ static SHELL: LazyLock<Shell> = LazyLock::new(|| {
 });
 
 /// The policy of a served report. In its sandbox, it has an origin of its own: it can use neither the session of the browser
-/// nor what the page keeps.
+/// nor what the page keeps. The dialog that prints is a modal.
 pub fn policy() -> String {
-    format!("{}; frame-ancestors 'none'; sandbox allow-scripts allow-downloads allow-modals", SHELL.policy)
+    let own = &SHELL.policy;
+    format!("{own}; frame-ancestors 'none'; sandbox allow-scripts allow-downloads allow-modals")
 }
 
 /// The file.
