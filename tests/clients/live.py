@@ -379,6 +379,25 @@ def phone(browser):
     page.context.close()
 
 
+def groups(browser):
+    """A group of fields can be closed, stays so, and opens for a field that needs correction."""
+    page = first_page(browser)
+    group = page.locator("details.group[aria-label='Load and motion']")
+    group.locator("summary").press("Enter")
+    expect(page.locator("#motion-amplitude")).to_be_hidden()
+    page.select_option("#shape", "cone")
+    page.select_option("#shape", "paraboloid")
+    expect(page.locator("#motion-amplitude")).to_be_hidden()
+    group.locator("summary").press("Enter")
+    page.fill("#motion-amplitude", "-1")
+    expect(page.locator("#motion-amplitude-fault")).to_contain_text("greater than 0")
+    group.locator("summary").press("Enter")
+    page.locator("#computing").get_by_role("button", name="Amplitude U").click()
+    expect(page.locator("#motion-amplitude")).to_be_focused()
+    browser.check_accessibility(page, "groups")
+    page.context.close()
+
+
 def enlarged(browser):
     """At 200 % zoom, the depth stays in sight of the field that has the focus, and covers none."""
     page = first_page(browser, width=720)
@@ -440,7 +459,7 @@ def keyboard(browser):
 # What differs most between browsers: events of the keyboard and of the pointer, the clipboard, and the storage of a page.
 SHORT = [type_a_radius, drag_friction, keep_and_reopen, keyboard]
 ALL = [first_load, spoken_depth, type_a_radius, units, drag_friction, slider_follows_typing, paste_a_trace, edit_rows, long_run, keep_and_reopen, faults,
-    errors_and_warnings, phone, enlarged, keyboard]
+    errors_and_warnings, phone, groups, enlarged, keyboard]
 
 
 def main():

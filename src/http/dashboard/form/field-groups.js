@@ -7,7 +7,12 @@ import { choicesOf, chooseOption, labelled, optionsOf } from "./field-list.js";
 import { hint, idOf, Inputs } from "./field.js";
 import { drawRange } from "./plan.js";
 
-const group = (name, ...content) => h("fieldset", {}, h("legend", {}, name), content);
+/** The groups that the user has closed. */
+const closed = new Set();
+
+/** A group of fields that can be closed, for example to see the next one. */
+const group = (name, ...content) => h("details", { class: "group", open: !closed.has(name), "aria-label": name,
+  ontoggle: ({ target }) => (target.open ? closed.delete(name) : closed.add(name)) }, h("summary", {}, name), content);
 
 /** Draws the fields of `form`, which has a scenario and a study. `editors.of(choice, selected)` are the editors of an option. */
 export class Fieldset {
