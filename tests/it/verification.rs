@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use fretwork_job::Submission;
-use fretwork_verify::{self as verification, Accuracy, Worn};
+use fretwork_verify::{self as verification, Accuracy, RandomScenario, Worn};
 
 const COMMITTED: &str = include_str!("../../VERIFICATION.md");
 const UPDATE: &str = "run `cargo run --release -- verify > VERIFICATION.md`";
@@ -52,6 +52,12 @@ fn the_inputs_from_the_literature_are_job_bodies_and_their_sources_are_named() {
     assert_eq!(inputs, 6);
 }
 
+/// Whether the ring that slips is thin, a tip stays sharp, or a table has noise. The stated errors of such runs are larger.
+fn is_hard(scenario: &RandomScenario) -> bool {
+    let is_sharp = scenario.shape == "wedge" && scenario.coefficients == "layers";
+    scenario.is_thin || is_sharp || scenario.shape.starts_with("noisy")
+}
+
 /// Checks the accuracy that docs/accuracy.md states. Except in tests/long, fewer runs are computed than for the page, so a
 /// smaller share of covered errors is accepted.
 #[test]
@@ -73,7 +79,7 @@ fn the_exact_method_is_as_accurate_as_the_documents_say() {
     for kind in ["sharp punch", "thin rings", "noisy r^4", "wedge"] {
         assert!(table.contains(&format!("| {kind} |")), "no {kind} among the scenarios");
     }
-    let accuracy = accuracy.without_hard_kinds();
+    let accuracy = accuracy.only(|scenario| !is_hard(scenario));
     let limits = [
         ("contact radius", 1e-2),
         ("energy per cycle", 3e-2),
@@ -89,7 +95,7 @@ fn the_exact_method_is_as_accurate_as_the_documents_say() {
     // of these runs has a warning.
     let (sound, warned) = accuracy.sound();
     assert!(10 * warned <= sound, "{warned} of {sound}: {accuracy}");
-    let steady = accuracy.with_constant_coefficients();
+    let steady = accuracy.only(|scenario| scenario.coefficients == "constant");
     for worn in [Worn::Volume, Worn::Depth] {
         let caution = steady.of(worn).caution();
         assert!(caution < 4.0, "{worn:?}: {caution}\n{steady}");

@@ -82,15 +82,9 @@ impl Accuracy {
         Self { runs }
     }
 
-    /// The runs with constant coefficients alone.
-    pub fn with_constant_coefficients(mut self) -> Self {
-        self.runs.retain(|(scenario, _)| scenario.coefficients == "constant");
-        self
-    }
-
-    /// The runs without the kinds that are hard to compute, and whose errors are stated as larger.
-    pub fn without_hard_kinds(mut self) -> Self {
-        self.runs.retain(|(scenario, _)| !scenario.is_hard());
+    /// The runs of the wanted scenarios alone.
+    pub fn only(mut self, is_wanted: impl Fn(&RandomScenario) -> bool) -> Self {
+        self.runs.retain(|(scenario, _)| is_wanted(scenario));
         self
     }
 

@@ -21,15 +21,11 @@ mod table;
 
 pub use accuracy::{Accuracy, OutputErrors, Worn};
 pub use page::{Check, Section, VerificationPage};
+pub use random_scenario::RandomScenario;
 
 /// Computes the page, which takes some seconds.
 pub fn page() -> VerificationPage {
-    let sections = [
-        table::sections(),
-        known::sections(),
-        literature::sections(),
-        numerics::sections(),
-        rule::sections(),
-    ];
-    VerificationPage { sections: sections.into_iter().flatten().collect() }
+    let others = [known::SECTIONS, literature::SECTIONS, numerics::SECTIONS, rule::SECTIONS];
+    let others = others.into_iter().flatten().map(|(title, fill)| Section::of(title, fill));
+    VerificationPage { sections: table::sections().into_iter().chain(others).collect() }
 }

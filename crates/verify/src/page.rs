@@ -130,6 +130,9 @@ impl fmt::Display for Check {
     }
 }
 
+/// The title of a section, and the function that adds its checks as in [`Section::of`].
+pub type TitledSection = (&'static str, fn(&mut Section) -> Option<()>);
+
 /// A group of checks.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Section {
@@ -160,6 +163,17 @@ impl Section {
     ) {
         let number = Check::reported(what, source, reference, value);
         self.checks.push(Check { accepted: Some(accepted), ..number });
+    }
+
+    /// Adds a check without an accepted error.
+    pub fn report(
+        &mut self,
+        what: impl Into<String>,
+        source: &'static str,
+        known: f64,
+        found: f64,
+    ) {
+        self.checks.push(Check::reported(what, source, known, found));
     }
 
     /// The check with the largest ratio of error to accepted error.

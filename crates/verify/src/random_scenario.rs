@@ -81,12 +81,6 @@ pub struct RandomScenario {
 }
 
 impl RandomScenario {
-    /// Whether the ring that slips is thin, a tip stays sharp, or a table has noise.
-    pub fn is_hard(&self) -> bool {
-        let is_sharp = self.shape == "wedge" && self.coefficients == "layers";
-        self.is_thin || is_sharp || self.shape.starts_with("noisy")
-    }
-
     /// Draws a scenario. `None` if the program refuses its contact.
     pub fn draw(random: &mut Random) -> Option<Self> {
         let is_line = random.between(0.0, 1.0) < 0.4;

@@ -41,7 +41,7 @@ pub fn sections() -> Vec<Section> {
         limits("Limits, depth and Q held", force, Depth),
     ];
     sections.extend(RUNS.into_iter().zip(quantities).map(|(part, columns)| runs(part, columns)));
-    sections.push(shakedown());
+    sections.push(Section::of("Shakedown boundary", shakedown));
     sections
 }
 
@@ -126,24 +126,22 @@ fn slides_at(problem: &ContactProblem, last: f64) -> Option<f64> {
     Some(event.map_or(f64::INFINITY, |event| event.at))
 }
 
-fn shakedown() -> Section {
-    Section::of("Shakedown boundary", |section| {
-        for q in [0.57, 0.585] {
-            let problem = ContactProblem::force(Depth, 2.0, q)?;
-            let count = |slides: bool| if slides { 1.0 } else { 0.0 };
-            let expected = count(q > shakedown_limit(2.0));
-            let slides = count(slides_at(&problem, 500.0)?.is_finite());
-            let endless = count(problem.control.tends_to(&problem.contact).is_none());
-            let source = "q < 0.57735";
-            section.check(format!("q = {q}: loses its grip"), source, expected, slides, 0.0);
-            section.check(format!("q = {q}: has no limit"), source, expected, endless, 0.0);
-            if q < shakedown_limit(2.0) {
-                let stick = root(shakedown_limit(2.0), 1.0, |c| 1.5 * c * (1.0 - c * c) - q);
-                let value = problem.states(Law::Exact, &[500.0])?.pop()?.worn.stick;
-                let what = format!("q = {q}: c at Ñ = 500");
-                section.check(what, "c(1 − c²) = 2q/3", stick, value, 1e-3);
-            }
+fn shakedown(section: &mut Section) -> Option<()> {
+    for q in [0.57, 0.585] {
+        let problem = ContactProblem::force(Depth, 2.0, q)?;
+        let count = |slides: bool| if slides { 1.0 } else { 0.0 };
+        let expected = count(q > shakedown_limit(2.0));
+        let slides = count(slides_at(&problem, 500.0)?.is_finite());
+        let endless = count(problem.control.tends_to(&problem.contact).is_none());
+        let source = "q < 0.57735";
+        section.check(format!("q = {q}: loses its grip"), source, expected, slides, 0.0);
+        section.check(format!("q = {q}: has no limit"), source, expected, endless, 0.0);
+        if q < shakedown_limit(2.0) {
+            let stick = root(shakedown_limit(2.0), 1.0, |c| 1.5 * c * (1.0 - c * c) - q);
+            let value = problem.states(Law::Exact, &[500.0])?.pop()?.worn.stick;
+            let what = format!("q = {q}: c at Ñ = 500");
+            section.check(what, "c(1 − c²) = 2q/3", stick, value, 1e-3);
         }
-        Some(())
-    })
+    }
+    Some(())
 }
