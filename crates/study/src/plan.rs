@@ -213,6 +213,15 @@ pub struct Tried {
     pub found: Found,
 }
 
+/// The values of the members in a run that a point needs.
+pub type WantedRun = Vec<f64>;
+
+/// What follows from the runs of a point, or the run that it needs next.
+pub type OrRun<T> = Result<T, WantedRun>;
+
+/// Whether a long computation goes on.
+pub type GoesOn<'a> = &'a mut dyn FnMut() -> bool;
+
 /// Which points a study has, how each of them is computed, and what follows from their rows.
 ///
 /// Workers compute the points of a stage in any order and on several machines. So a point depends only on the study, on
@@ -238,13 +247,7 @@ pub trait Plan: fmt::Debug + Send + Sync {
     ///
     /// # Errors
     /// One more run is necessary: the values of this run.
-    fn row(
-        &self,
-        _: &Problem,
-        number: usize,
-        _earlier: &Rows,
-        tried: &[Tried],
-    ) -> Result<Tried, Vec<f64>> {
+    fn row(&self, _: &Problem, number: usize, _earlier: &Rows, tried: &[Tried]) -> OrRun<Tried> {
         tried.last().cloned().ok_or_else(|| self.point(number))
     }
 
@@ -270,12 +273,7 @@ pub trait Plan: fmt::Debug + Send + Sync {
 
     /// Computes the findings from the rows of all points. Calls `goes_on` before each long computation, and returns
     /// `None` if that is false.
-    fn findings(
-        &self,
-        _: &Problem,
-        _: &Rows,
-        _goes_on: &mut dyn FnMut() -> bool,
-    ) -> Option<Findings> {
+    fn findings(&self, _: &Problem, _: &Rows, _goes_on: GoesOn<'_>) -> Option<Findings> {
         Some(Findings::default())
     }
 

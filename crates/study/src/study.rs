@@ -9,7 +9,7 @@ use serde::Serialize;
 use serde_json::{Map, Number, Value, json};
 
 use super::output::Output;
-use super::plan::{Column, Kind, MAX_POINTS, Plan, Read, Tried};
+use super::plan::{Column, GoesOn, Kind, MAX_POINTS, OrRun, Plan, Read, Tried};
 use super::problem::{Found, Lack, Problem};
 use super::rows::{MAX_REASON, NUMBER, Rows};
 use super::run::Run;
@@ -68,7 +68,7 @@ impl PointRun {
         &mut self,
         plan: &dyn Plan,
         problem: &Problem,
-        end: impl Fn(&[Tried]) -> Result<T, Vec<f64>>,
+        end: impl Fn(&[Tried]) -> OrRun<T>,
     ) -> Option<T> {
         loop {
             if let Some((values, run)) = &mut self.running {
@@ -279,7 +279,7 @@ impl Study {
         key: &impl Serialize,
         engine: &impl Serialize,
         rows: &Rows,
-        goes_on: &mut dyn FnMut() -> bool,
+        goes_on: GoesOn<'_>,
     ) -> Option<String> {
         let mut head = json!({
             "key": key,

@@ -23,7 +23,9 @@ use serde_json::{Value, json};
 use crate::member::Member;
 use crate::output::Output;
 use crate::plan::StudyFigure::{Curves, Heat, Regimes};
-use crate::plan::{Cells, Column, Findings, Hints, Kind, Offer, Plan, Read, Regions, Tried};
+use crate::plan::{
+    Cells, Column, Findings, GoesOn, Hints, Kind, Offer, OrRun, Plan, Read, Regions, Tried,
+};
 use crate::problem::{Found, Lack, Problem, outputs_of, small_members};
 use crate::rows::{NUMBER, Rows};
 use crate::vary::{Values, Varied};
@@ -266,13 +268,7 @@ impl Plan for Map {
 
     /// The row of a point: first the columns of the unworn contact, then the outputs of its run. A map without outputs
     /// needs no run.
-    fn row(
-        &self,
-        problem: &Problem,
-        number: usize,
-        _: &Rows,
-        tried: &[Tried],
-    ) -> Result<Tried, Vec<f64>> {
+    fn row(&self, problem: &Problem, number: usize, _: &Rows, tried: &[Tried]) -> OrRun<Tried> {
         let run = match tried.last() {
             None if !problem.outputs.is_empty() => return Err(self.point(number)),
             run => run.map_or_else(|| problem.no_run(), |tried| tried.found.clone()),
@@ -302,12 +298,7 @@ impl Plan for Map {
 
     /// The boundary: the amplitude at which gross slip begins, for each normal force, unworn and after the runs. And the
     /// regimes of all rows.
-    fn findings(
-        &self,
-        problem: &Problem,
-        rows: &Rows,
-        _: &mut dyn FnMut() -> bool,
-    ) -> Option<Findings> {
+    fn findings(&self, problem: &Problem, rows: &Rows, _: GoesOn<'_>) -> Option<Findings> {
         let each = |of: &dyn Fn(usize) -> Option<f64>| (0..self.forces.len()).map(of).collect();
         let case = |force| self.case(problem, force).ok();
         let at_contact = |force| Some(case(force)?.gross_slip_amplitude());

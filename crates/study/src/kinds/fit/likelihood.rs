@@ -17,9 +17,9 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::model::Parameter;
-use super::search::{Fit, Known, Search, WantedRun};
+use super::search::{Fit, Known, Search};
 use crate::claimed::{Columns, column_of};
-use crate::plan::{Column, Plan as _, Tried};
+use crate::plan::{Column, OrRun, Plan as _, Tried};
 use crate::problem::Problem;
 use crate::study::PointRun;
 
@@ -111,7 +111,7 @@ impl Likelihood {
         Some(self.fit.parameters.iter().zip(&outside).map(slope).collect())
     }
 
-    fn value(&self, theta: &[f64], tried: &[Tried]) -> Result<f64, WantedRun> {
+    fn value(&self, theta: &[f64], tried: &[Tried]) -> OrRun<f64> {
         let residuals = self.search(tried).residuals(theta)?;
         let terms = self.known.measured.taking_part().map(|(place, point)| {
             let deviation = self.known.noise.deviations[place];
@@ -122,7 +122,7 @@ impl Likelihood {
         Ok(if value.is_finite() { value } else { IMPOSSIBLE })
     }
 
-    fn gradient(&self, theta: &[f64], tried: &[Tried]) -> Result<Vec<f64>, WantedRun> {
+    fn gradient(&self, theta: &[f64], tried: &[Tried]) -> OrRun<Vec<f64>> {
         let parameters = &self.fit.parameters;
         let u: Vec<f64> = parameters.iter().zip(theta).map(|(it, x)| it.coordinate(*x)).collect();
         let at = |u: &[f64]| -> Vec<f64> {

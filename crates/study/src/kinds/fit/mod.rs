@@ -24,7 +24,7 @@ pub use self::likelihood::{Likelihood, LikelihoodCall};
 use self::model::{Runs, Set};
 use self::search::{Fit, FitRow};
 use crate::plan::StudyFigure::{Bands, Energy, Profile, Residuals};
-use crate::plan::{Column, Findings, Hints, Kind, Plan, Read, Tried};
+use crate::plan::{Column, Findings, GoesOn, Hints, Kind, OrRun, Plan, Read, Tried};
 use crate::problem::{Found, Lack, Problem, small_members};
 use crate::rows::{NUMBER, Rows};
 use fretwork_json::{Whole, typed};
@@ -123,14 +123,8 @@ impl Plan for Fit {
         Vec::new()
     }
 
-    fn row(
-        &self,
-        problem: &Problem,
-        number: usize,
-        earlier: &Rows,
-        tried: &[Tried],
-    ) -> Result<Tried, Vec<f64>> {
-        let (row, lack) = match self.computed(number, earlier, tried)? {
+    fn row(&self, problem: &Problem, number: usize, rows: &Rows, tried: &[Tried]) -> OrRun<Tried> {
+        let (row, lack) = match self.computed(number, rows, tried)? {
             Ok(row) => (row, None),
             Err(lack) => (FitRow::missing(), Some(Lack::Incomplete(lack))),
         };
@@ -169,12 +163,7 @@ impl Plan for Fit {
         findings::COLUMNS.map(|(name, unit)| Column::new(name, unit)).to_vec()
     }
 
-    fn findings(
-        &self,
-        problem: &Problem,
-        rows: &Rows,
-        _: &mut dyn FnMut() -> bool,
-    ) -> Option<Findings> {
+    fn findings(&self, problem: &Problem, rows: &Rows, _: GoesOn<'_>) -> Option<Findings> {
         Some(findings::findings(self, problem, rows))
     }
 

@@ -9,7 +9,7 @@
 //!
 //! The tasks of a stage do not depend on the rows before it.
 
-use crate::plan::Tried;
+use crate::plan::{OrRun, Tried, WantedRun};
 use crate::problem::Lack;
 use crate::rows::Rows;
 use crate::stats::derivative::{Derivative, SearchPoint, derivatives};
@@ -87,9 +87,6 @@ pub fn tasks(
     first.chain(subsets).chain(profiles).collect()
 }
 
-/// The values of a run that is not known: the index of its set, and the values of its members.
-pub type WantedRun = Vec<f64>;
-
 /// A row. A missing number is NaN.
 #[derive(Debug, Default)]
 pub struct FitRow {
@@ -145,7 +142,7 @@ impl Search<'_> {
         u: &[f64],
         free: &[usize],
         is_fine: bool,
-    ) -> Result<Vec<Vec<f64>>, WantedRun> {
+    ) -> OrRun<Vec<Vec<f64>>> {
         let middle = &self.residuals(&at(u))?;
         let column = |place: usize| {
             let parameter = &self.fit.parameters[free[place]];
@@ -167,22 +164,17 @@ impl Search<'_> {
         (0..u.len()).map(column).collect()
     }
 
-    pub fn residuals(&self, theta: &[f64]) -> Result<Vec<f64>, WantedRun> {
+    pub fn residuals(&self, theta: &[f64]) -> OrRun<Vec<f64>> {
         let [predicted, _] = self.fit.predicted(theta, self.tried)?;
         Ok(self.measured.residuals(&predicted, self.noise))
     }
 
-    fn sum(&self, theta: &[f64]) -> Result<f64, WantedRun> {
+    fn sum(&self, theta: &[f64]) -> OrRun<f64> {
         Ok(self.residuals(theta)?.iter().map(|residual| residual * residual).sum())
     }
 
     /// The row of the minimum near these parameters, of which some are free.
-    fn minimum(
-        &self,
-        theta: &[f64],
-        free: &[usize],
-        stop: StopCriteria,
-    ) -> Result<FitRow, WantedRun> {
+    fn minimum(&self, theta: &[f64], free: &[usize], stop: StopCriteria) -> OrRun<FitRow> {
         let at = |u: &[f64]| {
             let mut theta = theta.to_vec();
             free.iter().zip(u).for_each(|(it, u)| theta[*it] = self.fit.parameters[*it].value(*u));
@@ -206,7 +198,7 @@ impl Search<'_> {
         theta: &[f64],
         stop: StopCriteria,
         noise: &dyn Fn(&[f64]) -> Noise,
-    ) -> Result<(FitRow, Noise), WantedRun> {
+    ) -> OrRun<(FitRow, Noise)> {
         let all: Vec<usize> = (0..theta.len()).collect();
         let (mut theta, mut held) = (theta.to_vec(), self.noise.clone());
         for _ in 0..ESTIMATES {
@@ -231,7 +223,7 @@ impl Fit {
     ///
     /// # Errors
     /// A run is not known.
-    fn predicted(&self, theta: &[f64], tried: &[Tried]) -> Result<[Vec<f64>; 2], WantedRun> {
+    fn predicted(&self, theta: &[f64], tried: &[Tried]) -> OrRun<[Vec<f64>; 2]> {
         let run = |(place, set): (usize, &Set)| {
             let values = set.runs.as_ref().and_then(|runs| runs.values(theta));
             let Some(mut values) = values else { return Ok(None) };
@@ -332,7 +324,7 @@ impl Fit {
         number: usize,
         earlier: &Rows,
         tried: &[Tried],
-    ) -> Result<Result<FitRow, String>, WantedRun> {
+    ) -> OrRun<Result<FitRow, String>> {
         let (all, task) = ((0..self.parameters.len()).collect::<Vec<_>>(), self.tasks[number].1);
         if let Task::Start(place) = task {
             // Before a minimum is known, no number counts less.
@@ -396,12 +388,7 @@ impl Fit {
     }
 
     /// The derivatives of all predictions.
-    fn derivative(
-        &self,
-        place: usize,
-        known: &Known,
-        tried: &[Tried],
-    ) -> Result<FitRow, WantedRun> {
+    fn derivative(&self, place: usize, known: &Known, tried: &[Tried]) -> OrRun<FitRow> {
         let (parameter, best) = (&self.parameters[place], &known.rows[known.minimum]);
         let x = best.theta[place];
         let scale = parameter.scale(x);

@@ -21,7 +21,7 @@ use serde_json::{Value, json};
 use self::findings::{EstimateTable, Named};
 use crate::output::Output;
 use crate::plan::StudyFigure::{Scatter, Tornado};
-use crate::plan::{Bars, Column, Findings, Hints, Kind, Offer, Plan, Read, StudyFigure};
+use crate::plan::{Bars, Column, Findings, GoesOn, Hints, Kind, Offer, Plan, Read, StudyFigure};
 use crate::problem::{MAX_SEED, Problem, small_members, varied_and_outputs};
 use crate::rows::{NUMBER, Rows};
 use crate::stats::derivative::{Derivative, MAX_ROUNDS, SearchPoint, derivatives, neighbours};
@@ -289,7 +289,7 @@ impl Sensitivity {
         members: &[&str],
         outputs: &[Named<'_>],
         rows: &Rows,
-        goes_on: &mut dyn FnMut() -> bool,
+        goes_on: GoesOn<'_>,
     ) -> Option<Findings> {
         let mut table = EstimateTable::new(self.numbers());
         for (place, output) in outputs.iter().enumerate() {
@@ -353,12 +353,7 @@ impl Plan for Sensitivity {
         self.numbers().iter().map(|name| Column::new(name, unit)).collect()
     }
 
-    fn findings(
-        &self,
-        problem: &Problem,
-        rows: &Rows,
-        goes_on: &mut dyn FnMut() -> bool,
-    ) -> Option<Findings> {
+    fn findings(&self, problem: &Problem, rows: &Rows, goes_on: GoesOn<'_>) -> Option<Findings> {
         let members: Vec<_> =
             problem.members.iter().map(|member| member.pointer.as_str()).collect();
         let base: Vec<f64> = problem.members.iter().map(|member| member.value).collect();
