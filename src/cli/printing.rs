@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-use fretwork_engine::input::fault::Fault;
+use fretwork_engine::Fault;
 
 /// The error of a command. Its message is one line for the user.
 pub type Error = Box<dyn std::error::Error>;

@@ -14,7 +14,7 @@ use super::printing::{Ended, Error, Progress, print, print_error, shown};
 use super::study;
 use crate::config::{Destination, Run, ScenarioChange};
 use crate::http::report_page;
-use fretwork_engine::input::fault::Faults;
+use fretwork_engine::Faults;
 use fretwork_engine::outcome::Quantity;
 use fretwork_format::report::{self, About, ReportedResult};
 use fretwork_format::{self as format, Format, Part, View};

@@ -2,11 +2,9 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use crate::contact::control::{Control, Final, Held};
 use crate::contact::hysteresis::{Backbone, ROW_POINTS};
-use crate::contact::reference::Series;
-use crate::contact::row::{UnwornSums, unworn_integrals};
-use crate::contact::unworn::Contact;
+use crate::contact::row::unworn_integrals;
+use crate::contact::{Contact, Control, Final, Held, Series, UnwornSums};
 use crate::numeric::root;
 use crate::solver::closed::energy;
 use crate::solver::closed::simplified::Simplified;

@@ -10,6 +10,17 @@ pub mod scenario;
 pub mod simulation;
 pub mod solver;
 
+pub use case::{Case, Method};
+pub use input::{Dimension, Fault, Faults, Given, List, Pointer, Valid, unknown};
+pub use numeric::twelve_digits;
+pub use outcome::{
+    Accuracy, BodyWear, Comparison, Condition, ContactScales, EVENTS, History, LimitState, Loops,
+    Outcome, OutcomeEvent, Preview, Profiles, QUANTITIES, ResultUnits, SectionMember, Unworn,
+};
+pub use scenario::{DEFAULT_TOLERANCE, NUMERICS, SCHEMA, Scenario, Warning};
+pub use simulation::{Advance, Simulation};
+pub use solver::events::EventKind;
+
 /// The code in the README, run as a documentation test.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

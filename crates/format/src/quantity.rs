@@ -3,7 +3,7 @@
 use std::fmt;
 use std::sync::LazyLock;
 
-use fretwork_engine::outcome::{self, History};
+use fretwork_engine::{History, outcome};
 
 use super::kind::Part;
 

@@ -4,7 +4,7 @@ use super::document::Document;
 use super::error::{Error, Result};
 use super::kind::Part;
 use super::table::{PartTable, Values};
-use fretwork_engine::numeric::twelve_digits;
+use fretwork_engine::twelve_digits;
 use fretwork_job::TaskKind;
 use fretwork_study::stats::summary::Summary;
 

@@ -12,7 +12,7 @@ use super::error::{Error, Missing, Result, refuse_if_any};
 use super::kind::Part;
 use super::units::Units;
 use super::view::View;
-use fretwork_engine::outcome::{Loops, Profiles};
+use fretwork_engine::{Loops, Profiles};
 use fretwork_json::Members;
 
 /// A number of a document. Infinite numbers are null in the document and NaN here.

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use fretwork_engine::numeric::twelve_digits;
+use fretwork_engine::twelve_digits;
 use serde::{Serialize, Serializer};
 use serde_json::{Number, Value};
 

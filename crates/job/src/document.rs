@@ -1,8 +1,6 @@
 //! The members of a result that search, lists and exports need.
 
-use fretwork_engine::numeric::twelve_digits;
-use fretwork_engine::outcome::Outcome;
-use fretwork_engine::scenario::Scenario;
+use fretwork_engine::{Outcome, Scenario, twelve_digits};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Number, Value, json, to_value};

@@ -5,7 +5,7 @@ use std::fmt;
 use std::str::{self, FromStr};
 use std::sync::Arc;
 
-use fretwork_engine::input::fault::{Fault, Faults};
+use fretwork_engine::{Fault, Faults};
 
 use super::{
     BadDocument, BadWord, Canonical, ENGINE, Key, Prepared, ResultDocument, Step, Task, TaskKind,

@@ -1,8 +1,7 @@
 //! The JSON body of a submission. It is parsed once, and all its faults are listed.
 
 use deserr::{Deserr, IntoValue};
-use fretwork_engine::input::fault::{Faults, Pointer, Valid};
-use fretwork_engine::input::fields::Given;
+use fretwork_engine::{Faults, Given, Pointer, Valid};
 use serde_json::Value;
 
 use super::{Prepared, TaskKind};

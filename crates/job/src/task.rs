@@ -6,11 +6,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use bytes::Bytes;
-use fretwork_engine::case::Case;
-use fretwork_engine::input::fault::{Fault, Valid};
-use fretwork_engine::outcome::{History, Outcome, ResultUnits};
-use fretwork_engine::scenario::{self, Scenario, Warning};
-use fretwork_engine::simulation::{self, Simulation};
+use fretwork_engine::{
+    Case, Fault, History, Outcome, ResultUnits, Scenario, Simulation, Valid, Warning, scenario,
+    simulation,
+};
 use serde::Serialize;
 use serde_json::Value;
 

@@ -10,8 +10,8 @@ use std::fmt;
 use std::io::{self, Write};
 
 use deserr::{Deserr, IntoValue, Sequence, ValuePointerRef};
-use fretwork_engine::input::fault::{Fault, Faults};
-use fretwork_engine::numeric::{Decimal, twelve_digits};
+use fretwork_engine::numeric::Decimal;
+use fretwork_engine::{Fault, Faults, twelve_digits};
 use serde::Serialize;
 use serde::de::{DeserializeSeed, Error, MapAccess, SeqAccess, Visitor};
 use serde_json::ser::{CompactFormatter, Formatter};

@@ -1,11 +1,10 @@
 //! An evaluation: a run that is computed for some outputs. Its result is not stored.
 
 use deserr::Deserr;
-use fretwork_engine::case::{Case, Method};
-use fretwork_engine::input::fault::{Faults, Pointer, Valid};
-use fretwork_engine::input::fields::Given;
-use fretwork_engine::outcome::{Accuracy, History, Loops, OutcomeEvent, Profiles, QUANTITIES};
-use fretwork_engine::scenario::{self, Scenario, Warning};
+use fretwork_engine::{
+    Accuracy, Case, Faults, Given, History, Loops, Method, OutcomeEvent, Pointer, Profiles,
+    QUANTITIES, Scenario, Valid, Warning, scenario,
+};
 use serde::Serialize;
 use serde_json::{Map, Value};
 

@@ -6,8 +6,7 @@
 use std::sync::Arc;
 use std::{iter, mem, vec};
 
-use fretwork_engine::input::fault::Valid;
-use fretwork_engine::input::quantity::Dimension;
+use fretwork_engine::{Dimension, Valid};
 
 use super::model::{Model, PointValues};
 use super::output::NoValue;

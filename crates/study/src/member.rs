@@ -1,8 +1,8 @@
 //! The numbers of a scenario that a study varies.
 
-use fretwork_engine::input::fault::unknown;
 use fretwork_engine::input::inputs::measure_at;
-use fretwork_engine::input::quantity::{self, Dimension};
+use fretwork_engine::input::quantity;
+use fretwork_engine::{Dimension, unknown};
 use serde_json::{Number, Value};
 
 use fretwork_json::escaped;

@@ -3,9 +3,7 @@
 use std::collections::HashSet;
 
 use deserr::Deserr;
-use fretwork_engine::input::fault::{Faults, Valid};
-use fretwork_engine::input::fields::Given;
-use fretwork_engine::scenario;
+use fretwork_engine::{Faults, Given, Valid, scenario};
 use serde_json::Value;
 
 use super::member::Member;

@@ -14,14 +14,12 @@ use std::str::FromStr;
 use std::sync::LazyLock;
 
 use deserr::{Deserr, IntoValue, Value};
-use fretwork_engine::case::Case;
-use fretwork_engine::input::fault::{Faults, Pointer, Valid, unknown};
 use fretwork_engine::input::instants::{Cycles, Measure};
-use fretwork_engine::input::quantity::{self, Dimension};
-use fretwork_engine::outcome::{
-    self, ContactScales, EVENTS, History, LimitState, Outcome, Preview, SectionMember, Unworn,
+use fretwork_engine::input::quantity;
+use fretwork_engine::{
+    Case, ContactScales, Dimension, EVENTS, EventKind, Faults, History, LimitState, Outcome,
+    Pointer, Preview, SectionMember, Unworn, Valid, outcome, unknown,
 };
-use fretwork_engine::solver::events::EventKind;
 use fretwork_json::typed;
 use serde_json::json;
 

@@ -5,8 +5,7 @@
 
 use std::fmt;
 
-use fretwork_engine::input::fault::Valid;
-use fretwork_engine::numeric::twelve_digits;
+use fretwork_engine::{Valid, twelve_digits};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 

@@ -1,8 +1,6 @@
 //! A scenario, the numbers in it that a study varies, and the outputs that the study takes from each result.
 
-use fretwork_engine::case::{Case, Method};
-use fretwork_engine::input::fault::{Fault, Faults, Valid};
-use fretwork_engine::scenario;
+use fretwork_engine::{Case, Fault, Faults, Method, Valid, scenario};
 use serde_json::{Map, Value};
 
 use super::member::Member;

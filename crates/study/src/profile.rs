@@ -1,10 +1,7 @@
 //! Profiles of a sweep: curves of each run after its last output cycle, at radii that all runs share.
 
 use deserr::Deserr;
-use fretwork_engine::input::fault::{Faults, Valid};
-use fretwork_engine::input::fields::Given;
-use fretwork_engine::input::quantity::Dimension;
-use fretwork_engine::outcome::{Outcome, Profiles};
+use fretwork_engine::{Dimension, Faults, Given, Outcome, Profiles, Valid};
 use serde_json::Value;
 
 use super::vary::{self, MAX_RADII};

@@ -1,9 +1,6 @@
 //! A run of a study. It is simulated only if its outputs need a simulation.
 
-use fretwork_engine::case::Case;
-use fretwork_engine::outcome::{Outcome, Preview};
-use fretwork_engine::scenario::Warning;
-use fretwork_engine::simulation::{Advance, Simulation};
+use fretwork_engine::{Advance, Case, Outcome, Preview, Simulation, Warning};
 
 use super::output::{NoValue, Output};
 

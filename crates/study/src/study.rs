@@ -3,8 +3,8 @@
 use std::mem;
 use std::ops::Range;
 
-use fretwork_engine::input::fault::{Faults, Valid};
-use fretwork_engine::input::quantity::{self, Dimension};
+use fretwork_engine::input::quantity;
+use fretwork_engine::{Dimension, Faults, Valid};
 use serde::Serialize;
 use serde_json::{Map, Number, Value, json};
 

@@ -4,9 +4,8 @@
 //! A study puts numbers in SI into its scenario, and there they are totals: N, or N/m for a stiffness. So each text per
 //! length becomes its total before a study or a model is read.
 
-use fretwork_engine::input::fault::{Faults, Valid};
-use fretwork_engine::input::quantity::{self, Dimension};
-use fretwork_engine::numeric::twelve_digits;
+use fretwork_engine::input::quantity;
+use fretwork_engine::{Dimension, Faults, Valid, twelve_digits};
 use serde_json::Value;
 
 const LENGTH: &str = "/profile/length";

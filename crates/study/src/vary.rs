@@ -4,9 +4,7 @@
 use std::collections::HashSet;
 
 use deserr::Deserr;
-use fretwork_engine::input::fault::{Fault, Faults, Valid};
-use fretwork_engine::input::fields::Given;
-use fretwork_engine::input::quantity::Dimension;
+use fretwork_engine::{Dimension, Fault, Faults, Given, Valid};
 use serde_json::Value;
 
 use super::member::Member;

@@ -3,8 +3,7 @@
 use serde_json::{Value, json};
 
 use super::known::run;
-use fretwork_engine::outcome::{History, Outcome};
-use fretwork_engine::solver::events::EventKind;
+use fretwork_engine::{EventKind, History, Outcome};
 
 /// The tolerance of the fine run, with which the default run is compared.
 pub const FINE: f64 = 1e-4;

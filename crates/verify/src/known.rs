@@ -4,13 +4,11 @@
 use serde_json::{Value, json};
 
 use super::page::{Section, TitledSection, digits};
-use fretwork_engine::outcome::{Outcome, Preview};
 use fretwork_engine::reference::{
     CattaneoMindlin, Cone, Hertz, PowerLaw, SlidingTransition, Sphere, elastic_amplitude_ratio,
     gross_slip_volume, initial_wear_rate,
 };
-use fretwork_engine::scenario::{self, Scenario};
-use fretwork_engine::simulation::Simulation;
+use fretwork_engine::{Outcome, Preview, Scenario, Simulation, scenario};
 
 const MODULUS: f64 = 112.64e9;
 const RADIUS: f64 = 0.01;

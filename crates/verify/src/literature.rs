@@ -7,8 +7,8 @@ use serde_json::{Value, json};
 
 use super::known::run;
 use super::page::{Check, Section, TitledSection};
+use fretwork_engine::Outcome;
 use fretwork_engine::numeric::{linear, root};
-use fretwork_engine::outcome::Outcome;
 
 const CONTACT: &str = "CONTACT";
 const BALL: &str = include_str!("../../../examples/literature/contact-cattaneo.json");

@@ -5,8 +5,8 @@ use serde_json::{Value, json};
 use super::known::{paraboloid, request, run};
 use super::page::{Check, Section, TitledSection};
 use super::problem::{ContactProblem, at};
+use fretwork_engine::DEFAULT_TOLERANCE;
 use fretwork_engine::contact::control::Normal::Depth;
-use fretwork_engine::scenario::DEFAULT_TOLERANCE;
 use fretwork_engine::solver::stepped::law::{Law, PAPER_XI};
 use fretwork_engine::solver::stepped::march::March;
 

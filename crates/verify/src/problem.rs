@@ -5,13 +5,10 @@ use std::sync::Arc;
 
 use serde_json::Value;
 
-use fretwork_engine::contact::control::{Block, Control, Held, Normal};
-use fretwork_engine::contact::profile::Shape;
+use fretwork_engine::DEFAULT_TOLERANCE;
 use fretwork_engine::contact::record::DisplacementRecord;
-use fretwork_engine::contact::row::UnwornSums;
-use fretwork_engine::contact::unworn::Contact;
+use fretwork_engine::contact::{Block, Contact, Control, Held, Normal, Shape, UnwornSums};
 use fretwork_engine::reference::stick_ratio;
-use fretwork_engine::scenario::DEFAULT_TOLERANCE;
 use fretwork_engine::solver::stepped::law::{Law, WearProblem};
 use fretwork_engine::solver::stepped::march::{March, MarchState};
 use fretwork_engine::solver::stepped::wearing::WornContact;

@@ -5,8 +5,7 @@ use std::f64::consts::PI;
 
 use serde_json::{Value, json};
 
-use fretwork_engine::outcome::Preview;
-use fretwork_engine::scenario;
+use fretwork_engine::{Preview, scenario};
 use fretwork_random::Random;
 
 /// The quantities that can be held constant in the normal direction. A line contact holds its force.

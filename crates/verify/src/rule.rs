@@ -6,10 +6,10 @@ use super::problem::{
     ContactProblem, DEEPEST, DEPTH, FORCE, RULE_TOLERANCE, STICK, VOLUME, at, numbers,
 };
 use super::table::{RUNS, rows};
+use fretwork_engine::DEFAULT_TOLERANCE;
 use fretwork_engine::contact::control::Normal::{Depth, Force};
-use fretwork_engine::contact::control::{Control, Held};
-use fretwork_engine::contact::row::UnwornSums;
-use fretwork_engine::scenario::{DEFAULT_POINTS, DEFAULT_TOLERANCE};
+use fretwork_engine::contact::{Control, Held, UnwornSums};
+use fretwork_engine::scenario::DEFAULT_POINTS;
 use fretwork_engine::solver::closed::simplified::Simplified;
 use fretwork_engine::solver::stepped::law::{Law, PAPER_XI, fitted_xi};
 

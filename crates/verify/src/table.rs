@@ -9,9 +9,8 @@ use super::problem::{
 use fretwork_engine::contact::control::Normal::{self, Depth, Force};
 use fretwork_engine::numeric::{integrate, root};
 use fretwork_engine::reference::{TABLE, shakedown_limit};
-use fretwork_engine::scenario::DEFAULT_TOLERANCE;
-use fretwork_engine::solver::events::EventKind;
 use fretwork_engine::solver::stepped::law::Law;
+use fretwork_engine::{DEFAULT_TOLERANCE, EventKind};
 
 /// Ñ at which a run has practically reached its limiting state.
 const ARRIVED: f64 = 200.0;

@@ -13,7 +13,7 @@ use crate::http::problem::{Complaint, Problem, Result, kinds};
 use crate::http::wire::{FRESH_JSON, Query, Segment, read_key, schemas};
 use crate::http::{App, Caller};
 use crate::service::Unable;
-use fretwork_engine::input::fault::{Faults, Valid};
+use fretwork_engine::{Faults, Valid};
 use fretwork_job::{ENGINE, Key, TaskKind};
 use fretwork_json as json;
 use fretwork_study::{Entry, Jacobian, Member, Model, OutputName};

@@ -24,7 +24,7 @@ use crate::http::transport::body::Body;
 use crate::http::wire::include::Include;
 use crate::http::wire::{NoQuery, Query, Segment, schemas};
 use crate::http::{App, Caller};
-use fretwork_engine::outcome::{History, ResultUnits};
+use fretwork_engine::{History, ResultUnits};
 use fretwork_job::{Job, JobId, JobState, Naming, Prepared, Task};
 use fretwork_store::{Canceled, Deleted, Filter};
 use fretwork_study::Rows;

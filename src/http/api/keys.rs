@@ -12,7 +12,7 @@ use crate::http::access::caller::{Caller, is_owner_name};
 use crate::http::transport::body::Body;
 use crate::http::wire::{Fresh, NoQuery, Segment, instant, schemas};
 use crate::http::{App, Problem, Result, kinds};
-use fretwork_engine::input::fault::{Faults, Valid};
+use fretwork_engine::{Faults, Valid};
 use fretwork_job::clock::now;
 use fretwork_json::Whole;
 use fretwork_store::{AccessKey as Stored, Actor, NewKey, Role};

@@ -10,7 +10,7 @@ use crate::http::transport::body::FileBody;
 use crate::http::wire::Query;
 use crate::http::wire::schemas::{self, Prepare as PrepareWord, Up as UpWord};
 use crate::http::{App, Caller};
-use fretwork_engine::input::fault::Faults;
+use fretwork_engine::Faults;
 use fretwork_measured::{ENDS, Prepare, Up, Wanted, ends};
 
 /// Bytes of the answer for each byte of the file.

@@ -17,8 +17,8 @@ use crate::http::transport::body::BODY_LIMIT;
 use crate::http::wire::negotiation::choose;
 use crate::http::wire::{self, NoQuery, Segment};
 use crate::service::{LONGEST_CALL, LONGEST_EVALUATION, RUN_BYTES, WorkLimits};
+use fretwork_engine::NUMERICS;
 use fretwork_engine::input::fields::{MAX_CYCLES, POINTS_RANGE};
-use fretwork_engine::scenario::NUMERICS;
 
 /// The health of the process.
 #[derive(Debug, Serialize, ToSchema)]

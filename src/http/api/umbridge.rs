@@ -30,7 +30,7 @@ use crate::http::transport::body::{AnyBody, Counted};
 use crate::http::wire::FRESH_JSON;
 use crate::http::{App, Caller};
 use crate::service::Unable;
-use fretwork_engine::input::fault::{Faults, Valid};
+use fretwork_engine::{Faults, Valid};
 use fretwork_job::Key;
 use fretwork_json::{self as json, BadBody};
 use fretwork_study::{Jacobian, Likelihood, LikelihoodCall, Model, Output};

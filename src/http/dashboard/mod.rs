@@ -21,9 +21,8 @@ use asset::{Asset, Assets};
 use fretwork_engine::input::inputs::{VALUES, forms, inputs};
 use fretwork_engine::input::quantity::factor_to_si;
 use fretwork_engine::input::rows::{Measure, ObjectForm};
-use fretwork_engine::outcome::{
-    EVENTS, History, LINE_WORDS, QUANTITIES, Quantity, SECTION_WORDS, SPECIAL_WORDS, Unworn,
-};
+use fretwork_engine::outcome::{LINE_WORDS, Quantity, SECTION_WORDS, SPECIAL_WORDS};
+use fretwork_engine::{EVENTS, History, QUANTITIES, Unworn};
 use fretwork_format::notation::LADDERS;
 use fretwork_job::WORDS;
 use fretwork_study::{Kind, OutputName};

@@ -18,7 +18,7 @@ use prometheus_client::registry::{Registry, Unit};
 
 use crate::http::shares::Shares;
 use crate::http::transport::admission::Admission;
-use fretwork_engine::scenario::NUMERICS;
+use fretwork_engine::NUMERICS;
 use fretwork_store::{FileSizes, Tally};
 
 /// The metrics of this process.

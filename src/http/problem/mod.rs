@@ -17,7 +17,7 @@ use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use fretwork_engine::input::fault::{Fault, Faults};
+use fretwork_engine::{Fault, Faults};
 use fretwork_job::{Canonical, Key};
 use fretwork_store as store;
 

@@ -9,7 +9,7 @@ use utoipa::openapi::{Ref, RefOr};
 use utoipa::{PartialSchema, ToSchema};
 
 use super::include::Include as Included;
-use fretwork_engine::outcome::{History, Loops, Profiles};
+use fretwork_engine::{History, Loops, Profiles};
 use fretwork_format::{FigureOptions, Part, QUANTITIES, StudyFigure};
 use fretwork_job as job;
 use fretwork_measured::{Prepare as Preparation, Up as Upwards};

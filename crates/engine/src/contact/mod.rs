@@ -22,3 +22,12 @@ pub mod transform;
 mod truncated;
 pub mod unworn;
 pub mod yielding;
+
+pub use control::{Block, Control, Final, Held, Normal};
+pub use course::{Over, Track};
+pub use geometry::Geometry;
+pub use limit::{DEEPEST, Limit, WIDEST};
+pub use profile::Shape;
+pub use reference::Series;
+pub use row::{SpringRow, Sums, UnwornSums};
+pub use unworn::{Contact, Decay, Regime};

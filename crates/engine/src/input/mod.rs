@@ -18,17 +18,21 @@ pub mod wear;
 use deserr::{Deserr, IntoValue as _, ValuePointerRef};
 use serde::Serialize;
 
-use bodies::{ElasticBody, Moduli};
-use changing::{Changing, Course};
-use fault::{Faults, Pointer, Valid};
+pub use bodies::ElasticBody;
+use bodies::Moduli;
+use changing::Course;
+pub use changing::{ChangeTable, Changing};
+pub use fault::{Fault, Faults, Pointer, Valid, unknown};
 use fields::{
-    Bodies, DissipatedEnergy, Friction, Given, GivenXi, Length, POINTS_RANGE, PointCount, Rounded,
-    Tolerance, Volume,
+    Bodies, DissipatedEnergy, Friction, POINTS_RANGE, PointCount, Rounded, Tolerance, Volume,
 };
-use held::{Load, Motion};
-use indenter::Profile;
-use instants::{Cycles, ProfilesAt};
-use wear::{Wear, WearLaw};
+pub use fields::{Force, Given, GivenXi, LAST_CYCLE, Length, List, Stress, WearCoefficient, Xi};
+use held::Load;
+pub use held::{Blocks, Motion, MotionHeld, Reference};
+pub use indenter::{Profile, TableProfile};
+pub use instants::{Cycles, Measure, ProfilesAt, ProfilesWord};
+pub use quantity::Dimension;
+pub use wear::{Wear, WearLaw, WornBody};
 
 /// A scenario as the client sends it.
 #[derive(Debug, Clone, PartialEq, Deserr)]

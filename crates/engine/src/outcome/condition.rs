@@ -7,8 +7,8 @@
 //! The paper, (10). For a paraboloid they are the results of Cattaneo and Mindlin.
 
 use crate::case::Case;
+use crate::contact::Regime;
 use crate::contact::row::unworn_integrals;
-use crate::contact::unworn::Regime;
 
 /// The unworn contact under a harmonic motion.
 #[derive(Debug, Clone, Copy, PartialEq)]

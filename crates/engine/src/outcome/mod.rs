@@ -19,10 +19,8 @@ pub use self::columns::{
 };
 pub use self::condition::Condition;
 use crate::case::{Case, Outputs};
-use crate::contact::geometry::Geometry;
-use crate::contact::row::UnwornSums;
-use crate::contact::unworn::Regime;
-use crate::input::fault::Valid;
+use crate::contact::{Geometry, Regime, UnwornSums};
+use crate::input::Valid;
 use crate::numeric::integrate_beyond;
 use crate::scenario::{Scenario, Warning};
 pub use crate::solver::events::EVENTS;

@@ -20,13 +20,10 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use crate::contact::geometry::Geometry;
-use crate::contact::limit::{DEEPEST, WIDEST};
-use crate::contact::profile::{Shape, kappa};
+use crate::contact::profile::kappa;
 use crate::contact::table_shape::{PressedTable, Split, TableShape};
-use crate::contact::unworn::Contact;
-use crate::input::fault::{Faults, Valid};
-use crate::input::indenter::{Profile, TableProfile};
+use crate::contact::{Contact, DEEPEST, Geometry, Shape, WIDEST};
+use crate::input::{Faults, Profile, TableProfile, Valid};
 use crate::numeric::root;
 
 /// Maximum a₀/R of a sphere. Half-space theory is not valid for larger contacts.

@@ -3,9 +3,7 @@
 use serde::Serialize;
 
 use crate::case::{EnergyOutputs, Outputs, Scales};
-use crate::input::fault::{Faults, Valid};
-use crate::input::fields::LAST_CYCLE;
-use crate::input::instants::{Cycles, Measure, ProfilesAt, ProfilesWord};
+use crate::input::{Cycles, Faults, LAST_CYCLE, Measure, ProfilesAt, ProfilesWord, Valid};
 use crate::numeric::twelve_digits;
 
 /// If there are at most this many output cycles, all of them have profiles by default. With more,

@@ -8,8 +8,7 @@
 
 use super::motion::{CanonicalMotion, Moves, merged};
 use super::pressed::{MIN_RING, ROUNDED, UnwornContact};
-use crate::input::fault::{Faults, Valid};
-use crate::input::held::{self, Blocks, Motion, Reference};
+use crate::input::{Blocks, Faults, Motion, Reference, Valid, held};
 use crate::numeric::twelve_digits;
 
 /// A tangential force must be smaller than μF by more than this share of μF.

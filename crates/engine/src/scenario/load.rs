@@ -5,11 +5,10 @@ use std::f64::consts::FRAC_2_PI;
 use serde::Serialize;
 
 use super::indenter::{Indenter, depth_under, indent};
-use crate::contact::profile::Shape;
-use crate::input::Request;
-use crate::input::fault::Valid;
-use crate::input::fields::{Force, Length, derived};
+use crate::contact::Shape;
+use crate::input::fields::derived;
 use crate::input::held::Normal;
+use crate::input::{Force, Length, Request, Valid};
 use crate::numeric::twelve_digits;
 
 /// The effective moduli, in Pa.

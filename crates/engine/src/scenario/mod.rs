@@ -37,18 +37,17 @@ use utoipa::ToSchema;
 
 use crate::case::{self, Case, Method, Scales};
 use crate::contact;
-use crate::contact::course::{Course, Over, Track};
+use crate::contact::course::Course;
 use crate::contact::doubts::Doubts;
 use crate::contact::layers::Layers;
-use crate::contact::unworn::Contact;
 use crate::contact::yielding::Rubbing;
-use crate::input::bodies::ElasticBody;
-use crate::input::changing::{self, ChangeTable, Changing};
-use crate::input::fault::{Faults, Valid};
-use crate::input::fields::{Given, GivenXi, LAST_CYCLE, Stress, WearCoefficient, Xi, derived};
-use crate::input::instants::{Measure, ProfilesAt};
-use crate::input::wear::{Wear, WearLaw, WornBody};
-use crate::input::{MethodName, Model, Request, Until};
+use crate::contact::{Contact, Over, Track};
+use crate::input::fields::derived;
+use crate::input::{
+    ChangeTable, Changing, ElasticBody, Faults, Given, GivenXi, LAST_CYCLE, Measure, MethodName,
+    Model, ProfilesAt, Request, Stress, Until, Valid, Wear, WearCoefficient, WearLaw, WornBody, Xi,
+    changing,
+};
 use crate::numeric::twelve_digits;
 use crate::solver::events::StopCondition;
 use crate::solver::stepped::law::{WearProblem, fitted_xi};

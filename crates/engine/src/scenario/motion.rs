@@ -21,11 +21,9 @@ use std::sync::Arc;
 use serde::Serialize;
 
 use super::pressed::UnwornContact;
-use crate::contact::control::{Block, Control, Held};
 use crate::contact::record::DisplacementRecord;
-use crate::contact::reference::Series;
-use crate::input::fault::{Faults, Valid};
-use crate::input::held::{self, MotionHeld, Reference};
+use crate::contact::{Block, Control, Held, Series};
+use crate::input::{Faults, MotionHeld, Reference, Valid, held};
 use crate::numeric::twelve_digits;
 
 /// The motion in canonical form.

@@ -5,11 +5,9 @@ use std::f64::consts::FRAC_PI_2;
 use super::indenter::Indenter;
 use super::load::{CanonicalLoad, CanonicalModuli, press};
 use crate::case;
-use crate::contact::control::{Held, Normal};
-use crate::contact::profile::Shape;
-use crate::contact::reference::{Series, at_aperture};
-use crate::input::changing::Changing;
-use crate::input::fault::{Faults, Valid};
+use crate::contact::reference::at_aperture;
+use crate::contact::{Held, Normal, Series, Shape};
+use crate::input::{Changing, Faults, Valid};
 use crate::numeric::{integrate, root};
 
 /// Minimum width of the slip ring, in a₀, if the stick edge can move.

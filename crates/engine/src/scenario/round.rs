@@ -8,10 +8,8 @@
 
 use super::motion::{CanonicalMotion, Moves, merged, record_of};
 use super::pressed::{MIN_RING, ROUNDED, UnwornContact};
-use crate::contact::control::Normal;
-use crate::input::fault::{Faults, Valid};
-use crate::input::fields::{Length, List};
-use crate::input::held::{Blocks, Motion, MotionHeld, Reference};
+use crate::contact::Normal;
+use crate::input::{Blocks, Faults, Length, List, Motion, MotionHeld, Reference, Valid};
 use crate::numeric::twelve_digits;
 
 /// Minimum U/U_gs. For a smaller ratio the slip ring would be lost in rounding.

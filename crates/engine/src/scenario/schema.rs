@@ -5,9 +5,9 @@ use std::sync::LazyLock;
 
 use serde_json::{Map, Value, json};
 
+use crate::input::Dimension;
 use crate::input::fields::{Described, QUANTITIES};
 use crate::input::inputs::forms;
-use crate::input::quantity::Dimension;
 use crate::input::rows::{Form, Input, ObjectForm};
 
 /// The JSON Schema of a scenario, version 2020-12.

@@ -28,7 +28,7 @@ mod recording;
 mod single;
 
 use crate::case::{Case, Method};
-use crate::input::fault::Valid;
+use crate::input::Valid;
 use crate::outcome::{History, Outcome};
 use crate::scenario::{Scenario, Warning};
 use comparing::Comparing;

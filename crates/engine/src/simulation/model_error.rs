@@ -16,10 +16,7 @@
 use std::sync::LazyLock;
 
 use crate::case::Case;
-use crate::contact::control::{Control, Held, Normal};
-use crate::contact::profile::Shape;
-use crate::contact::row::UnwornSums;
-use crate::contact::unworn::Contact;
+use crate::contact::{Contact, Control, Held, Normal, Shape, UnwornSums};
 use crate::numeric::Monotone;
 use crate::outcome::History;
 use crate::scenario::Warning;

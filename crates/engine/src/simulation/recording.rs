@@ -1,7 +1,7 @@
 //! Records the rows of the history and of the profiles, in SI units.
 
 use crate::case::{Case, Scales};
-use crate::contact::geometry::Geometry;
+use crate::contact::Geometry;
 use crate::contact::hysteresis::Loop;
 use crate::outcome::{History, Loops, PartsOfWear, Profiles};
 use crate::solver::curves::Curves;

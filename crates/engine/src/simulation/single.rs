@@ -4,9 +4,7 @@ use super::model_error::{model_error, warning};
 use super::numerical_error;
 use super::recording::{HistoryEntry, Recording};
 use crate::case::{Case, EnergyOutputs, Method, Outputs, SEARCH_EVALUATIONS};
-use crate::contact::control::Held;
-use crate::contact::limit::WIDEST;
-use crate::contact::unworn::Decay;
+use crate::contact::{Decay, Held, WIDEST};
 use crate::numeric::twelve_digits;
 use crate::outcome::{
     Accuracy, BodyWear, ContactScales, History, Outcome, OutcomeEvent, Unworn, WornLayer,

@@ -1,9 +1,8 @@
 //! The output radii, and curves over them.
 
-use crate::contact::geometry::Geometry;
 use crate::contact::limit::{chord_and_angle, limiting_wear, step};
 use crate::contact::transform::graded;
-use crate::contact::unworn::Contact;
+use crate::contact::{Contact, Geometry};
 use crate::solver::pressures::Rings;
 
 /// The largest output radius, in limiting radii ã.

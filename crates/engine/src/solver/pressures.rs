@@ -16,7 +16,7 @@
 use std::f64::consts::{FRAC_1_PI, FRAC_2_PI};
 use std::sync::OnceLock;
 
-use crate::contact::geometry::Geometry;
+use crate::contact::Geometry;
 use crate::numeric::Gauss;
 
 /// A kink nearer than this share to the end of a piece is at its end. Between both, points would round to the end, where the

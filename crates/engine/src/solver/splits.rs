@@ -1,8 +1,7 @@
 //! The event that a worn contact splits into a core and a ring.
 
-use crate::contact::control::Normal;
 use crate::contact::splits::{Falls, NEGLECTED, Scar};
-use crate::contact::unworn::Contact;
+use crate::contact::{Contact, Normal};
 use crate::solver::events::LOST;
 
 /// Compares the load of the rings that a run neglects with the normal force.

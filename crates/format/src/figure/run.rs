@@ -15,7 +15,7 @@ use crate::notation::digits;
 use crate::quantity::{QUANTITIES, Quantity};
 use crate::table::{PartTable, Values, evenly_spaced};
 use crate::view::View;
-use fretwork_engine::outcome::EVENTS;
+use fretwork_engine::EVENTS;
 use fretwork_plot::{Axis, Dash, Figure, GREY, Series, Style};
 
 /// Number of output cycles in a figure by default.

@@ -11,8 +11,9 @@ use crate::law::Verdict;
 use crate::notation::Notation;
 use crate::statistics;
 use crate::view::View;
+use fretwork_engine::Dimension;
 use fretwork_engine::input::inputs::{VALUES, measure_at};
-use fretwork_engine::input::quantity::{Dimension, parse};
+use fretwork_engine::input::quantity::parse;
 use fretwork_job::TaskKind;
 use fretwork_study::Kind;
 

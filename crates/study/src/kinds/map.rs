@@ -13,11 +13,8 @@
 use std::sync::OnceLock;
 
 use deserr::Deserr;
-use fretwork_engine::case::Case;
-use fretwork_engine::input::fault::{Faults, Valid};
-use fretwork_engine::input::fields::{Given, Length};
-use fretwork_engine::outcome::Condition;
-use fretwork_engine::scenario;
+use fretwork_engine::input::fields::Length;
+use fretwork_engine::{Case, Condition, Faults, Given, Valid, scenario};
 use serde_json::{Value, json};
 
 use crate::member::Member;

@@ -1,8 +1,7 @@
 //! Sweeps: the outputs of a scenario for many values of some of its numbers.
 
 use deserr::Deserr;
-use fretwork_engine::input::fault::{Faults, Valid};
-use fretwork_engine::input::fields::Given;
+use fretwork_engine::{Faults, Given, Valid};
 use serde::Serialize;
 use serde_json::{Value, json};
 

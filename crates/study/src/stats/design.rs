@@ -24,7 +24,7 @@
 pub mod latin;
 pub mod sobol;
 
-use fretwork_engine::input::fault::Fault;
+use fretwork_engine::Fault;
 
 use super::distribution::Distribution;
 use latin::LatinHypercube;

@@ -25,7 +25,7 @@
 
 use std::sync::LazyLock;
 
-use fretwork_engine::input::fault::Fault;
+use fretwork_engine::Fault;
 
 /// The distribution of a number that varies. The constructors check the parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]

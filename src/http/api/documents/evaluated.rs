@@ -7,10 +7,9 @@ use utoipa::ToSchema;
 use super::parts::Units;
 use super::runs::Event;
 use crate::http::api::scenarios::CheckedRun;
-use fretwork_engine::outcome::{
-    Accuracy, History as Columns, Loops as LoopCurves, Profiles as Curves,
+use fretwork_engine::{
+    Accuracy, History as Columns, Loops as LoopCurves, Profiles as Curves, Warning,
 };
-use fretwork_engine::scenario::Warning;
 
 /// The outputs of a scenario, in SI units. The numbers are those of the result that a job of this scenario has.
 #[derive(ToSchema)]

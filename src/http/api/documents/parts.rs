@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use utoipa::ToSchema;
 
 use crate::http::wire::schemas::{Cell, EitherCurves, KeyText};
-use fretwork_engine::outcome::{History as Columns, Loops as LoopCurves};
+use fretwork_engine::{History as Columns, Loops as LoopCurves};
 
 /// The engine that computed the result.
 #[derive(ToSchema)]

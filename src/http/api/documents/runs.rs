@@ -5,13 +5,11 @@ use utoipa::ToSchema;
 
 use super::parts::{Engine, Units};
 use crate::http::wire::schemas::KeyText;
-use fretwork_engine::contact::unworn::Regime;
-use fretwork_engine::outcome::{
-    Accuracy, BodyWear, Comparison, ContactScales, History as Columns, LimitState,
-    Loops as LoopCurves, Profiles as Curves, Unworn,
+use fretwork_engine::contact::Regime;
+use fretwork_engine::{
+    Accuracy, BodyWear, Comparison, ContactScales, EventKind, History as Columns, LimitState,
+    Loops as LoopCurves, Profiles as Curves, Unworn, Warning,
 };
-use fretwork_engine::scenario::Warning;
-use fretwork_engine::solver::events::EventKind;
 
 /// The result of a scenario, in SI units.
 #[derive(ToSchema)]

@@ -6,8 +6,7 @@
 //! (k_w/μ)·ΣW = (ã/ξ)(F̃₀ − F̃),   its rate is 2 ∫ y ω dx
 //! ```
 
-use crate::contact::row::{SpringRow, Sums};
-use crate::contact::unworn::{Contact, Decay};
+use crate::contact::{Contact, Decay, SpringRow, Sums};
 use crate::numeric::root;
 
 /// Wear has practically stopped if the energy would grow, at the present rate, by less than this share over the

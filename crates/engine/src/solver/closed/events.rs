@@ -1,8 +1,7 @@
 //! Events of the simplified rule, from its closed form.
 
 use super::simplified::Simplified;
-use crate::contact::control::Normal;
-use crate::contact::unworn::Regime;
+use crate::contact::{Normal, Regime};
 use crate::numeric::{Bracket, root};
 use crate::solver::events::{Event, EventKind, LOST, SHAKEN, StopCondition};
 use crate::solver::splits::{SplitWatch, WornCore};

@@ -33,12 +33,10 @@
 use std::f64::consts::{FRAC_2_PI, PI};
 use std::sync::{Arc, OnceLock};
 
-use crate::contact::geometry::Geometry;
 use crate::contact::hysteresis::{Backbone, ROW_POINTS};
 use crate::contact::limit::{chord_and_angle, limiting_wear};
-use crate::contact::row::{SpringRow, Sums};
 use crate::contact::transform::{Kernels, graded};
-use crate::contact::unworn::{Contact, Decay};
+use crate::contact::{Contact, Decay, Geometry, SpringRow, Sums};
 use crate::numeric::{Monotone, dot, integrate, integrate_pieces, largest, vertex};
 use crate::solver::closed::energy::dissipated;
 use crate::solver::curves::{self, Curves, Grid};

@@ -1,8 +1,7 @@
 //! The two wear laws, and the wear problem that a run integrates.
 
-use crate::contact::control::Control;
-use crate::contact::unworn::Contact;
-use crate::input::fields::Xi;
+use crate::contact::{Contact, Control};
+use crate::input::Xi;
 
 /// The parameter ξ that the paper uses in its examples.
 pub const PAPER_XI: f64 = 0.8;

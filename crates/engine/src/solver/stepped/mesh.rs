@@ -26,8 +26,7 @@ use std::cell::OnceCell;
 use std::f64::consts::{FRAC_2_PI, FRAC_PI_2};
 
 use super::prior::PriorWear;
-use crate::contact::geometry::Geometry;
-use crate::contact::profile::Shape;
+use crate::contact::{Geometry, Shape};
 use crate::numeric::dot;
 use crate::solver::pressures::Rings;
 

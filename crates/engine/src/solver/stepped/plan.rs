@@ -2,11 +2,9 @@
 //! quantities.
 
 use super::law::{Law, WearProblem};
-use crate::contact::control::{Control, Final, Held, Normal, critical_stick};
+use crate::contact::control::critical_stick;
 use crate::contact::course::Moment;
-use crate::contact::geometry::Geometry;
-use crate::contact::limit::Limit;
-use crate::contact::unworn::Contact;
+use crate::contact::{Contact, Control, Final, Geometry, Held, Limit, Normal};
 use crate::numeric::{integrate_beyond, root};
 
 /// Blur of the nodes if the stick edge moves inwards, in widths of the wearing ring.

@@ -17,7 +17,7 @@ use std::f64::consts::FRAC_2_PI;
 use std::ops::RangeInclusive;
 use std::sync::OnceLock;
 
-use crate::contact::geometry::Geometry;
+use crate::contact::Geometry;
 use crate::numeric::weighted;
 use crate::solver::pressures::kernel_area;
 

@@ -7,12 +7,8 @@ use super::plan::{Focus, MeshPlan};
 use super::prior::PriorWear;
 use super::rkc::Rkc;
 use super::wearing::{Wearing, WornContact};
-use crate::contact::control::{Block, Control, Held, Normal};
-use crate::contact::course::Over;
-use crate::contact::geometry::Geometry;
-use crate::contact::limit::Limit;
 use crate::contact::row::unworn_integrals;
-use crate::contact::unworn::{Contact, Regime};
+use crate::contact::{Block, Contact, Control, Geometry, Held, Limit, Normal, Over, Regime};
 use crate::numeric::{Bracket, largest};
 
 /// The estimated error of V if a stick edge lies at the border of two cells. The unit is the change

@@ -23,10 +23,8 @@
 
 use super::mesh::Mesh;
 use super::prior::PriorWear;
-use crate::contact::control::{Block, Control, Held, Normal};
-use crate::contact::geometry::Geometry;
-use crate::contact::reference::{Series, at_aperture};
-use crate::contact::unworn::Contact;
+use crate::contact::reference::at_aperture;
+use crate::contact::{Block, Contact, Control, Geometry, Held, Normal, Series};
 
 /// Images are computed up to this share beyond the present depth, because the depth can increase at
 /// constant force.

@@ -23,11 +23,8 @@ use super::plan::{EXTENSION, MeshPlan};
 use super::prior::PriorWear;
 use super::rkc::Rates;
 use super::springs::{Aside, Springs};
-use crate::contact::control::Normal;
 use crate::contact::course::{Follower, Moment};
-use crate::contact::geometry::Geometry;
-use crate::contact::limit::Limit;
-use crate::contact::unworn::Contact;
+use crate::contact::{Contact, Geometry, Limit, Normal};
 use crate::numeric::{Monotone, root};
 use crate::solver::splits::WornCore;
 

@@ -3,9 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use deserr::Deserr;
-use fretwork_engine::input::fault::{Faults, Valid, unknown};
-use fretwork_engine::input::fields::{Given, List};
-use fretwork_engine::numeric::twelve_digits;
+use fretwork_engine::{Faults, Given, List, Valid, twelve_digits, unknown};
 use serde_json::{Value, json};
 
 use super::model::{MeasuredQuantity, Parameter, Set};

@@ -1,6 +1,6 @@
 //! What follows from the rows of a fit: tables, estimates with intervals, and the quality of the fit.
 
-use fretwork_engine::numeric::twelve_digits;
+use fretwork_engine::twelve_digits;
 use serde_json::{Value, json};
 
 use super::model::Set;

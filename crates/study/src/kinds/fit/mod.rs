@@ -15,8 +15,7 @@ mod sets;
 mod told;
 
 use deserr::Deserr;
-use fretwork_engine::input::fault::{Faults, Valid};
-use fretwork_engine::input::fields::{Given, List};
+use fretwork_engine::{Faults, Given, List, Valid};
 use serde_json::{Value, json};
 
 use self::data::GivenTest;

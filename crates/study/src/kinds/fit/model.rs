@@ -1,7 +1,6 @@
 //! Parameters, sets of measured numbers, and the runs that predict these numbers.
 
-use fretwork_engine::input::fault::{Faults, Valid};
-use fretwork_engine::numeric::twelve_digits;
+use fretwork_engine::{Faults, Valid, twelve_digits};
 use serde_json::{Value, json};
 
 use crate::member::Member;

@@ -1,11 +1,7 @@
 //! Reads a set of measured numbers, and their noise.
 
 use deserr::Deserr;
-use fretwork_engine::input::fault::{Faults, Valid, unknown};
-use fretwork_engine::input::fields::Given;
-use fretwork_engine::input::quantity::Dimension;
-use fretwork_engine::numeric::twelve_digits;
-use fretwork_engine::outcome::{self, History};
+use fretwork_engine::{Dimension, Faults, Given, History, Valid, outcome, twelve_digits, unknown};
 use serde_json::{Map, Value, json};
 
 use super::model::{MeasuredQuantity, Set};

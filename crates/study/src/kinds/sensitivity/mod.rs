@@ -12,9 +12,7 @@
 mod findings;
 
 use deserr::Deserr;
-use fretwork_engine::case::{Case, Method as RunMethod};
-use fretwork_engine::input::fault::{Faults, Valid};
-use fretwork_engine::input::fields::Given;
+use fretwork_engine::{Case, Faults, Given, Method as RunMethod, Valid};
 use serde::Serialize;
 use serde_json::{Value, json};
 

@@ -1,10 +1,8 @@
 //! The worn contact at one time, as it is reported: volumes, depths, radii and forces.
 
 use super::Wearing;
-use crate::contact::control::Normal;
-use crate::contact::geometry::Geometry;
 use crate::contact::hysteresis::Backbone;
-use crate::contact::profile::Shape;
+use crate::contact::{Geometry, Normal, Shape};
 use crate::numeric::{largest, root, vertex};
 use crate::solver::stepped::law::Law;
 use crate::solver::stepped::mesh::Mesh;
