@@ -47,10 +47,12 @@ use access::caller::Caller;
 use access::needs::RouteNeeds;
 use app::App;
 use layers::with_layers;
-use problem::{Problem, Result, kinds};
+use problem::{Complaint, Problem, Result, kinds};
 use routes::Routes;
 use transport::admission::Admission;
+use transport::body::Body;
 use transport::server;
+use wire::{FRESH_JSON, Fresh, NoQuery, Query, Segment, instant, read_key, schemas};
 
 /// Settings of the API.
 #[derive(Debug, Clone)]

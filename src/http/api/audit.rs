@@ -6,8 +6,7 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use crate::http::wire::paging::{limit, next_page};
-use crate::http::wire::{Fresh, Query, instant, schemas};
-use crate::http::{App, Result};
+use crate::http::{App, Fresh, Query, Result, instant, schemas};
 use fretwork_store::{Act, AuditEntry as Stored};
 
 /// Equal acts of one day (UTC).

@@ -9,9 +9,9 @@ use utoipa::ToSchema;
 
 use super::library::unknown;
 use crate::http::api::parameters::ResultKey;
-use crate::http::problem::{Complaint, Problem, Result, kinds};
-use crate::http::wire::{FRESH_JSON, Query, Segment, read_key, schemas};
-use crate::http::{App, Caller};
+use crate::http::{
+    App, Caller, Complaint, FRESH_JSON, Problem, Query, Result, Segment, kinds, read_key, schemas,
+};
 use crate::service::Unable;
 use fretwork_engine::{Faults, Valid};
 use fretwork_job::{ENGINE, Key, TaskKind};

@@ -9,10 +9,7 @@ use tokio::task;
 use utoipa::ToSchema;
 
 use super::library::read;
-use crate::http::transport::body::Body;
-use crate::http::wire::NoQuery;
-use crate::http::wire::schemas;
-use crate::http::{App, Caller, Problem, Result, kinds};
+use crate::http::{App, Body, Caller, NoQuery, Problem, Result, kinds, schemas};
 use fretwork_engine::{Faults, Given, QUANTITIES, Valid, scenario};
 use fretwork_job::{Canonical, ENGINE, Key, Outline, Prepared, TaskKind};
 use fretwork_json::both;

@@ -16,8 +16,7 @@ use tokio::time::sleep;
 use super::jobs::{JobAnswer, visible};
 use crate::http::access::Identity;
 use crate::http::api::documents;
-use crate::http::wire::{NoQuery, Segment, instant};
-use crate::http::{App, Caller, Result};
+use crate::http::{App, Caller, NoQuery, Result, Segment, instant};
 use fretwork_job::{Job, JobId, JobState};
 use fretwork_store::Changes;
 

@@ -19,11 +19,10 @@ use super::evaluate::fresh;
 use super::scenarios::parse;
 use crate::http::api::documents;
 use crate::http::api::parameters::OfJobs;
-use crate::http::problem::{Complaint, Problem, Result, kinds};
-use crate::http::transport::body::Body;
 use crate::http::wire::include::Include;
-use crate::http::wire::{NoQuery, Query, Segment, schemas};
-use crate::http::{App, Caller};
+use crate::http::{
+    App, Body, Caller, Complaint, NoQuery, Problem, Query, Result, Segment, kinds, schemas,
+};
 use fretwork_engine::{History, ResultUnits};
 use fretwork_job::{Job, JobId, JobState, Naming, Prepared, Task};
 use fretwork_store::{Canceled, Deleted, Filter};

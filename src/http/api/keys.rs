@@ -9,9 +9,7 @@ use utoipa::ToSchema;
 
 use super::library::read;
 use crate::http::access::caller::{Caller, is_owner_name};
-use crate::http::transport::body::Body;
-use crate::http::wire::{Fresh, NoQuery, Segment, instant, schemas};
-use crate::http::{App, Problem, Result, kinds};
+use crate::http::{App, Body, Fresh, NoQuery, Problem, Result, Segment, instant, kinds, schemas};
 use fretwork_engine::{Faults, Valid};
 use fretwork_job::clock::now;
 use fretwork_json::Whole;

@@ -8,9 +8,9 @@ use utoipa::ToSchema;
 
 use crate::http::answer::stored::require;
 use crate::http::api::parameters::ResultKey;
-use crate::http::transport::body::Body;
-use crate::http::wire::{Fresh, NoQuery, Segment, instant, read_key};
-use crate::http::{App, Caller, Problem, Result, kinds};
+use crate::http::{
+    App, Body, Caller, Fresh, NoQuery, Problem, Result, Segment, instant, kinds, read_key,
+};
 use fretwork_engine::{Faults, Warning};
 use fretwork_job::{Key, Verified, earlier};
 use fretwork_json::{read_body, typed};

@@ -10,8 +10,7 @@ use crate::http::access::sign_on::SIGN_ON;
 use crate::http::access::signed_link;
 use crate::http::answer::stored::require;
 use crate::http::api::parameters::ResultKey;
-use crate::http::wire::{Fresh, Query, Segment, read_key};
-use crate::http::{App, Caller, Problem, Result, kinds};
+use crate::http::{App, Caller, Fresh, Problem, Query, Result, Segment, kinds, read_key};
 
 /// Default lifetime of a link.
 const DEFAULT_LIFETIME: Duration = Duration::from_hours(7 * 24);

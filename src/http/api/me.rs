@@ -3,8 +3,7 @@
 use serde::Serialize;
 use utoipa::ToSchema;
 
-use crate::http::wire::{Fresh, NoQuery, schemas};
-use crate::http::{App, Caller, Result};
+use crate::http::{App, Caller, Fresh, NoQuery, Result, schemas};
 
 /// The caller, with its limits and their use.
 #[derive(Debug, Serialize, ToSchema)]

@@ -5,11 +5,9 @@ use tokio::task;
 
 use super::evaluate::fresh;
 use crate::http::api::documents;
-use crate::http::problem::{Complaint, Problem, Result, kinds};
 use crate::http::transport::body::FileBody;
-use crate::http::wire::Query;
 use crate::http::wire::schemas::{self, Prepare as PrepareWord, Up as UpWord};
-use crate::http::{App, Caller};
+use crate::http::{App, Caller, Complaint, Problem, Query, Result, kinds};
 use fretwork_engine::Faults;
 use fretwork_measured::{ENDS, Prepare, Up, Wanted, ends};
 

@@ -11,8 +11,9 @@ use crate::http::answer::representation::refused;
 use crate::http::answer::stored::document;
 use crate::http::api::parameters::ResultKey;
 use crate::http::dashboard::report::{page, policy};
-use crate::http::wire::{Query, Segment, instant, read_key, schemas};
-use crate::http::{App, Caller, Problem, Result, kinds};
+use crate::http::{
+    App, Caller, Problem, Query, Result, Segment, instant, kinds, read_key, schemas,
+};
 use fretwork_format::report::{About, MOST, ReportedResult, content};
 use fretwork_job::{JobId, Key};
 use fretwork_store::Filter;

@@ -15,8 +15,9 @@ use crate::http::api::parameters::{
     AtCycles, AtPoints, Copied, Numbers, OfFigure, OfTable, ResultKey,
 };
 use crate::http::wire::negotiation::choose_format;
-use crate::http::wire::{NoQuery, Query, Segment, read_key, schemas};
-use crate::http::{App, Caller, Problem, Result, kinds};
+use crate::http::{
+    App, Caller, NoQuery, Problem, Query, Result, Segment, kinds, read_key, schemas,
+};
 use fretwork_format::{
     FigureOptions, Format, Part, QUANTITIES, Quantity, StudyFigure, StudyOptions, View,
 };

@@ -10,9 +10,7 @@ use tokio::task;
 use utoipa::ToSchema;
 
 use crate::http::api::documents;
-use crate::http::transport::body::Body;
-use crate::http::wire::{FRESH_JSON, NoQuery, Segment};
-use crate::http::{App, Problem, Result, kinds};
+use crate::http::{App, Body, FRESH_JSON, NoQuery, Problem, Result, Segment, kinds};
 use fretwork_engine::{Preview, SCHEMA, Scenario, Warning};
 use fretwork_job::{Canonical, Key, Prepared, Submission, Task};
 use fretwork_json::{self as json, BadBody};

@@ -13,8 +13,7 @@ use crate::http::access::caller::{Caller, ME};
 use crate::http::answer::listed;
 use crate::http::api::parameters::{Conditions, OfList, SearchTable};
 use crate::http::wire::paging::{ListView, next_page};
-use crate::http::wire::{Fresh, Query, instant};
-use crate::http::{App, Result};
+use crate::http::{App, Fresh, Query, Result, instant};
 use fretwork_job::{JobId, Key, SCALARS, WORDS};
 use fretwork_store::{Listed, Search};
 

@@ -5,8 +5,7 @@ use axum::http::{HeaderName, StatusCode, header};
 
 use crate::http::access::Identity;
 use crate::http::access::session::{Site, set_cookie, token};
-use crate::http::wire::NoQuery;
-use crate::http::{App, Problem, Result, kinds};
+use crate::http::{App, NoQuery, Problem, Result, kinds};
 
 /// The answer to signing in and out.
 type SessionAnswer = (StatusCode, [(HeaderName, String); 2]);

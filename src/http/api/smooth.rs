@@ -10,8 +10,7 @@ use crate::http::answer::representation::refused;
 use crate::http::answer::stored::document;
 use crate::http::api::documents;
 use crate::http::api::parameters::ResultKey;
-use crate::http::wire::{FRESH_JSON, NoQuery, Segment, read_key};
-use crate::http::{App, Caller, Problem, Result};
+use crate::http::{App, Caller, FRESH_JSON, NoQuery, Problem, Result, Segment, read_key};
 use fretwork_format::report::smooth::{Denser, Histories};
 use fretwork_json as json;
 

@@ -10,12 +10,10 @@ use serde::Serialize;
 use tokio::time::timeout;
 use utoipa::ToSchema;
 
-use crate::http::app::App;
 use crate::http::metrics::{Measurements, as_prometheus};
-use crate::http::problem::{self, Problem, Result, kinds};
 use crate::http::transport::body::BODY_LIMIT;
 use crate::http::wire::negotiation::choose;
-use crate::http::wire::{self, NoQuery, Segment};
+use crate::http::{App, NoQuery, Problem, Result, Segment, kinds, problem, wire};
 use crate::service::{LONGEST_CALL, LONGEST_EVALUATION, RUN_BYTES, WorkLimits};
 use fretwork_engine::NUMERICS;
 use fretwork_engine::input::fields::{MAX_CYCLES, POINTS_RANGE};

@@ -8,8 +8,7 @@ use utoipa::ToSchema;
 use crate::http::answer::representation::refused;
 use crate::http::answer::stored::document;
 use crate::http::api::parameters::ResultKey;
-use crate::http::wire::{Fresh, NoQuery, Segment, read_key};
-use crate::http::{App, Caller, Problem, Result, kinds};
+use crate::http::{App, Caller, Fresh, NoQuery, Problem, Result, Segment, kinds, read_key};
 use fretwork_format::Verdict;
 
 /// Whether the law of a fit describes its data.

@@ -12,8 +12,8 @@ use tokio::task::spawn_blocking;
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::http::answer::representation::held;
-use crate::http::problem::{Problem, Result, kinds};
 use crate::http::wire::coding::Coding;
+use crate::http::{Problem, Result, kinds};
 
 /// The files of some pages. They are made, with all their codings, at the first request.
 pub struct Assets {

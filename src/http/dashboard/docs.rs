@@ -11,8 +11,7 @@ use axum::response::Response;
 use pulldown_cmark::{Event, Options, Parser, Tag, TagEnd, html};
 
 use super::asset::{Asset, Assets};
-use crate::http::problem::Result;
-use crate::http::wire::{NoQuery, Segment};
+use crate::http::{NoQuery, Result, Segment};
 
 macro_rules! pages {
     ($($path:literal),* $(,)?) => {

@@ -14,8 +14,7 @@ use axum::http::HeaderMap;
 use axum::response::Response;
 use serde_json::{Map, Value, json};
 
-use crate::http::problem::Result;
-use crate::http::wire::{NoQuery, Segment};
+use crate::http::{NoQuery, Result, Segment};
 use asset::{Asset, Assets};
 
 use fretwork_engine::input::inputs::{VALUES, forms, inputs};

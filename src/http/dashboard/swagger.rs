@@ -10,8 +10,7 @@ use zip::ZipArchive;
 use zip::result::ZipResult;
 
 use super::asset::{Asset, Assets};
-use crate::http::problem::Result;
-use crate::http::wire::Segment;
+use crate::http::{Result, Segment};
 
 /// The files of the archive that the page uses, and their media types.
 const FILES: [(&str, &str); 7] = [

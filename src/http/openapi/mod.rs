@@ -13,7 +13,7 @@ use crate::http::access::signed_link::OPENED;
 use crate::http::api::documents::{Documents, EITHER};
 use crate::http::api::scenarios::EXAMPLES;
 use crate::http::problem::ProblemDocument;
-use crate::http::wire::schemas;
+use crate::http::schemas;
 use fretwork_engine::SCHEMA;
 use fretwork_engine::outcome::Quantity;
 use fretwork_format::{Format, Part};

@@ -11,8 +11,7 @@ use crate::http::answer::listed;
 use crate::http::api::parameters::{OfJobs, OfList};
 use crate::http::api::results::either;
 use crate::http::wire::paging::{ListView, next_page};
-use crate::http::wire::{Query, schemas};
-use crate::http::{App, Caller, Result};
+use crate::http::{App, Caller, Query, Result, schemas};
 use fretwork_job::{Job, JobState};
 use fretwork_store::{Filter, Words};
 
