@@ -1,6 +1,6 @@
 //! The JSON body of a submission. It is parsed once, and all its faults are listed.
 
-use deserr::{Deserr, IntoValue};
+use deserr::{Deserr, IntoValue, Value as Typed};
 use fretwork_engine::{Faults, Given, Pointer, Valid};
 use serde_json::Value;
 
@@ -83,10 +83,8 @@ impl Naming {
     }
 }
 
-fn texts<const N: usize, const MOST: usize>(
-    Distinct(texts): Distinct<Text<N>, MOST>,
-) -> Vec<String> {
-    texts.into_iter().map(|text| text.0).collect()
+fn texts<const N: usize, const MOST: usize>(given: Distinct<Text<N>, MOST>) -> Vec<String> {
+    given.0.into_iter().map(|text| text.0).collect()
 }
 
 /// Takes the scenario or the study out of a job body.
@@ -133,10 +131,7 @@ struct Envelope {
 struct Text<const N: usize>(String);
 
 impl<const N: usize> Deserr<Faults> for Text<N> {
-    fn deserialize_from_value<V: IntoValue>(
-        value: deserr::Value<V>,
-        location: Pointer<'_>,
-    ) -> Valid<Self> {
+    fn deserialize_from_value<V: IntoValue>(value: Typed<V>, location: Pointer<'_>) -> Valid<Self> {
         let text: String = Deserr::<Faults>::deserialize_from_value(value, location)?;
         let length = text.chars().count();
         if length == 0 || length > N {
@@ -144,10 +139,8 @@ impl<const N: usize> Deserr<Faults> for Text<N> {
             return Err(Faults::at(location, detail));
         }
         if text.chars().any(char::is_control) {
-            return Err(Faults::at(
-                location,
-                "must not contain control characters, such as line breaks",
-            ));
+            let detail = "must not contain control characters, such as line breaks";
+            return Err(Faults::at(location, detail));
         }
         Ok(Self(text))
     }

@@ -9,9 +9,9 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::io::{self, Write};
 
-use deserr::{Deserr, IntoValue, Sequence, ValuePointerRef};
+use deserr::{Deserr, IntoValue, Sequence, Value as Typed};
 use fretwork_engine::numeric::Decimal;
-use fretwork_engine::{Fault, Faults, twelve_digits};
+use fretwork_engine::{Fault, Faults, Pointer, Valid, twelve_digits};
 use serde::Serialize;
 use serde::de::{DeserializeSeed, Error, MapAccess, SeqAccess, Visitor};
 use serde_json::ser::{CompactFormatter, Formatter};
@@ -137,10 +137,7 @@ pub enum BadBody {
 ///
 /// # Errors
 /// The text is not JSON, or it has faults.
-pub fn read_body<T>(
-    text: &[u8],
-    read: impl FnOnce(Value) -> Result<T, Faults>,
-) -> Result<T, BadBody> {
+pub fn read_body<T>(text: &[u8], read: impl FnOnce(Value) -> Valid<T>) -> Result<T, BadBody> {
     if text.iter().all(u8::is_ascii_whitespace) {
         return Err(BadBody::Empty);
     }
@@ -199,15 +196,15 @@ pub fn escaped(name: &str) -> String {
 ///
 /// # Errors
 /// All faults, with pointers relative to the document.
-pub fn typed<T: Deserr<Faults>>(document: Value) -> Result<T, Faults> {
-    T::deserialize_from_value(document.into_value(), ValuePointerRef::Origin)
+pub fn typed<T: Deserr<Faults>>(document: Value) -> Valid<T> {
+    T::deserialize_from_value(document.into_value(), Pointer::Origin)
 }
 
 /// Two values, or the faults of both.
 ///
 /// # Errors
 /// One of them has faults.
-pub fn both<A, B>(a: Result<A, Faults>, b: Result<B, Faults>) -> Result<(A, B), Faults> {
+pub fn both<A, B>(a: Valid<A>, b: Valid<B>) -> Valid<(A, B)> {
     match (a, b) {
         (Ok(a), Ok(b)) => Ok((a, b)),
         (Err(mut faults), Err(more)) => {
@@ -228,7 +225,7 @@ pub fn parse(text: &[u8]) -> Result<(Value, Vec<Fault>), serde_json::Error> {
     // Some editors write a mark before UTF-8.
     let text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text);
     let mut json = Deserializer::from_slice(text);
-    let reader = Reader { location: ValuePointerRef::Origin, repeated: &mut repeated };
+    let reader = Reader { location: Pointer::Origin, repeated: &mut repeated };
     let value = reader.deserialize(&mut json)?;
     json.end()?;
     Ok((value, repeated.faults()))
@@ -245,7 +242,7 @@ struct Repeated {
 }
 
 impl Repeated {
-    fn note(&mut self, location: ValuePointerRef<'_>) {
+    fn note(&mut self, location: Pointer<'_>) {
         if self.unlisted == 0 && self.listed.len() < MAX_LISTED {
             let faults = Faults::at(location, "appears more than once; keep one").0;
             let pointers: usize = faults.iter().map(|fault| fault.pointer.len()).sum();
@@ -272,7 +269,7 @@ impl Repeated {
 
 /// Builds a [`Value`] and records repeated members.
 struct Reader<'a> {
-    location: ValuePointerRef<'a>,
+    location: Pointer<'a>,
     repeated: &'a mut Repeated,
 }
 
@@ -282,6 +279,13 @@ impl<'de> DeserializeSeed<'de> for Reader<'_> {
     fn deserialize<D: serde::Deserializer<'de>>(self, json: D) -> Result<Value, D::Error> {
         json.deserialize_any(self)
     }
+}
+
+/// The visits of values that become a `Value` as they are.
+macro_rules! plain {
+    ($($visit:ident($kind:ty))*) => {
+        $(fn $visit<E>(self, value: $kind) -> Result<Value, E> { Ok(value.into()) })*
+    };
 }
 
 impl<'de> Visitor<'de> for Reader<'_> {
@@ -295,25 +299,11 @@ impl<'de> Visitor<'de> for Reader<'_> {
         Ok(Value::Null)
     }
 
-    fn visit_bool<E>(self, value: bool) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_i64<E>(self, value: i64) -> Result<Value, E> {
-        Ok(value.into())
-    }
-
-    fn visit_u64<E>(self, value: u64) -> Result<Value, E> {
-        Ok(value.into())
-    }
+    plain! { visit_bool(bool) visit_i64(i64) visit_u64(u64) visit_str(&str) }
 
     fn visit_f64<E: Error>(self, value: f64) -> Result<Value, E> {
         let number = Number::from_f64(value);
         number.map(Value::Number).ok_or_else(|| E::custom("number out of range"))
-    }
-
-    fn visit_str<E>(self, value: &str) -> Result<Value, E> {
-        Ok(value.into())
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Value, A::Error> {
@@ -348,11 +338,8 @@ impl<'de> Visitor<'de> for Reader<'_> {
 pub struct Distinct<T, const MOST: usize>(pub Vec<T>);
 
 impl<T: Deserr<Faults> + PartialEq, const MOST: usize> Deserr<Faults> for Distinct<T, MOST> {
-    fn deserialize_from_value<V: IntoValue>(
-        value: deserr::Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
-        if let deserr::Value::Sequence(list) = &value
+    fn deserialize_from_value<V: IntoValue>(value: Typed<V>, location: Pointer<'_>) -> Valid<Self> {
+        if let Typed::Sequence(list) = &value
             && list.len() > MOST
         {
             let detail = format!("must list at most {MOST} items, not {}", list.len());
@@ -371,12 +358,9 @@ impl<T: Deserr<Faults> + PartialEq, const MOST: usize> Deserr<Faults> for Distin
 pub struct Whole<const LOW: u64, const HIGH: u64>(pub u64);
 
 impl<const LOW: u64, const HIGH: u64> Deserr<Faults> for Whole<LOW, HIGH> {
-    fn deserialize_from_value<V: IntoValue>(
-        value: deserr::Value<V>,
-        location: ValuePointerRef<'_>,
-    ) -> Result<Self, Faults> {
+    fn deserialize_from_value<V: IntoValue>(value: Typed<V>, location: Pointer<'_>) -> Valid<Self> {
         match value {
-            deserr::Value::Integer(number) if (LOW..=HIGH).contains(&number) => Ok(Self(number)),
+            Typed::Integer(number) if (LOW..=HIGH).contains(&number) => Ok(Self(number)),
             _ => Err(Faults::at(location, format!("must be a whole number from {LOW} to {HIGH}"))),
         }
     }

@@ -6,6 +6,7 @@ mod submission;
 
 use std::sync::Arc;
 
+use axum::Json;
 use axum::body::Bytes;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -278,11 +279,7 @@ pub struct CanceledJobs {
             stop.", body = CanceledJobs),
     ),
 )]
-pub async fn cancel_all(
-    app: App,
-    caller: Caller,
-    mut query: Query,
-) -> Result<axum::Json<CanceledJobs>> {
+pub async fn cancel_all(app: App, caller: Caller, mut query: Query) -> Result<Json<CanceledJobs>> {
     let filter = read_filter(&mut query, &caller);
     query.finish()?;
     if filter == Filter::default() {
@@ -290,7 +287,7 @@ pub async fn cancel_all(
         return Err(Problem::parameters(vec![Complaint::parameter("state", detail)]));
     }
     let canceled = app.service.cancel_all(caller.reach(), filter, &caller.actor()).await?;
-    Ok(axum::Json(CanceledJobs { canceled }))
+    Ok(Json(CanceledJobs { canceled }))
 }
 
 /// Deletes a finished job.

@@ -9,6 +9,9 @@ use fretwork_store::Asked;
 /// The JSON of an absent value.
 pub const NULL: Bytes = Bytes::from_static(b"null");
 
+/// Members that are added to a job: their names and their JSON.
+pub type JobMembers = Vec<(&'static str, Bytes)>;
+
 /// The values of `include`.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Include {
@@ -35,7 +38,7 @@ impl Include {
     }
 
     /// The members to add to a job, except the result: their names and their JSON.
-    pub fn members(self, asked: &Asked) -> Vec<(&'static str, Bytes)> {
+    pub fn members(self, asked: &Asked) -> JobMembers {
         let mut members = Vec::new();
         if self.scenario {
             // A study is added under its own name, such as `sweep`.

@@ -14,7 +14,7 @@ use crate::http::answer::stored::stored;
 use crate::http::answer::text::Text;
 use crate::http::api::documents;
 use crate::http::wire::coding::Coding;
-use crate::http::wire::include::{Include, NULL};
+use crate::http::wire::include::{Include, JobMembers, NULL};
 use crate::http::{App, Caller, Problem, Result, instant, kinds, schemas};
 use fretwork_format::{Format, Part, View};
 use fretwork_job::{Failure, Job, JobId, JobState, Key, Origin, Recomputed};
@@ -214,11 +214,7 @@ pub(super) async fn result_of(app: &App, caller: &Caller, job: &Job) -> Result<T
 }
 
 /// Writes a job, followed by more members, with their names and their JSON, and by its result.
-pub(super) fn write(
-    job: Job,
-    members: Vec<(&str, Bytes)>,
-    result: Option<Text>,
-) -> Result<Response> {
+pub(super) fn write(job: Job, members: JobMembers, result: Option<Text>) -> Result<Response> {
     let (key, id) = (job.key, job.id);
     let mut told = serde_json::to_vec(&JobAnswer::from(job)).map_err(Problem::bug)?;
     for (name, text) in members {

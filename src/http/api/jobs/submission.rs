@@ -2,7 +2,6 @@
 
 use std::time::Duration;
 
-use axum::body::Bytes;
 use axum::http::header::{self, HeaderName};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse as _, Response};
@@ -10,7 +9,7 @@ use axum::response::{IntoResponse as _, Response};
 use super::answer::{JobAnswer, address, result_of, write};
 use crate::http::answer::text::Text;
 use crate::http::api::scenarios::parse;
-use crate::http::wire::include::{Include, NULL};
+use crate::http::wire::include::{Include, JobMembers, NULL};
 use crate::http::wire::{idempotency_key, says, urgency, wait};
 use crate::http::{App, Body, Caller, Problem, Query, Result, kinds, schemas};
 use crate::service::{Accepted, Refusal, Terms};
@@ -124,7 +123,7 @@ fn terms(caller: Caller, headers: &HeaderMap) -> Result<Terms> {
 /// The answer to an accepted submission: 200 if its job is finished, otherwise 202.
 fn accepted(
     job: Job,
-    members: Vec<(&str, Bytes)>,
+    members: JobMembers,
     result: Option<Text>,
     wait: Option<Duration>,
     afresh: bool,
