@@ -8,12 +8,7 @@ use arrow_array::{ArrayRef, Float32Array, Float64Array, RecordBatch, StringArray
 use arrow_ipc::writer::FileWriter;
 use arrow_schema::{DataType, Field, Schema};
 
-use super::document::Head;
-use super::error::Result;
-use super::out::Out;
-use super::table::{PartTable, Values};
-use super::units::fits_single;
-use super::view::View;
+use super::{Head, Out, PartTable, Result, Values, View, fits_single};
 
 /// Rows of a record batch. A large table has several batches, so that only one of them is in memory.
 const BATCH: usize = 1 << 16;

@@ -3,11 +3,8 @@
 use std::io::Write;
 use std::iter;
 
-use super::document::Head;
-use super::error::Result;
-use super::out::Out;
-use super::table::{Cell, PartTable};
-use super::view::View;
+use super::table::Cell;
+use super::{Head, Out, PartTable, Result, View};
 
 /// Writes a table as CSV. Infinite and undefined numbers are empty cells.
 pub fn table(out: &mut Out<'_>, head: &Head, table: &PartTable, view: &View) -> Result<()> {

@@ -7,11 +7,7 @@ use serde::{Deserialize, Serialize, Serializer};
 use serde_json::Value;
 use serde_json::value::RawValue;
 
-use super::error::{Error, Result};
-use super::kind::Part;
-use super::table::PartTable;
-use super::units::Units;
-use super::view::View;
+use super::{Error, Part, PartTable, Result, Units, View};
 use fretwork_job::TaskKind;
 use fretwork_json::Members;
 use fretwork_study::Kind;

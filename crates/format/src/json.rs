@@ -5,10 +5,7 @@ use std::io::Write;
 use serde::ser::SerializeMap as _;
 use serde::{Serialize, Serializer};
 
-use super::document::{Head, Object};
-use super::error::Result;
-use super::out::Out;
-use super::table::PartTable;
+use super::{Head, Object, Out, PartTable, Result};
 
 /// Writes a whole document.
 pub fn whole(out: &mut Out<'_>, object: &Object) -> Result<()> {

@@ -5,11 +5,9 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 use serde_json::Value;
 
-use super::document::Document;
-use super::error::Result;
 use super::figure::words::capital;
-use super::notation::{digits, percent};
-use super::view::View;
+use super::notation::percent;
+use super::{Document, Result, View, digits};
 use fretwork_job::earlier;
 use fretwork_study::stats::trend::{LEAST, Trend, trend};
 

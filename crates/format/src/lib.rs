@@ -35,16 +35,19 @@ mod view;
 
 use std::io::Write;
 
-use document::Document;
-
 pub use csv::text_cell;
+use document::{Document, Head, Object};
 pub use error::{Error, Missing};
+use error::{Result, refuse_if_any};
 pub use fretwork_plot::text::escape;
 pub use fretwork_study::StudyFigure;
 pub use kind::{Format, Part};
 pub use law::{Verdict, is_in_verdict};
+use notation::{Notation, digits, typeset};
 use out::Out;
 pub use quantity::{QUANTITIES, Quantity};
+use table::{PartTable, Values, evenly_spaced};
+use units::{Units, fits_single};
 pub use view::{FigureOptions, StudyOptions, View};
 
 /// The version of the formats. Clients may cache answers for ever, so increase the version when the same
@@ -65,7 +68,7 @@ pub fn write(
     part: Part,
     format: Format,
     view: &View,
-) -> Result<(), Error> {
+) -> Result<()> {
     if (part, format) == (Part::Whole, Format::Json) && *view == View::default() {
         return Ok(out.write_all(stored.as_ref())?);
     }
@@ -80,7 +83,7 @@ fn convert(
     part: Part,
     format: Format,
     view: &View,
-) -> Result<(), Error> {
+) -> Result<()> {
     assert!(part.formats().contains(&format), "{part:?} cannot be written as {format:?}");
     let document = Document::open(stored.as_ref(), view)?;
     if format == Format::Svg {
@@ -115,7 +118,7 @@ fn convert(
 ///
 /// # Errors
 /// The document is not JSON of this form.
-pub fn check(stored: &[u8]) -> Result<(), Error> {
+pub fn check(stored: &[u8]) -> Result<()> {
     Document::open(stored, &View::default())?.object().map(drop)
 }
 

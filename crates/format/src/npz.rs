@@ -9,12 +9,8 @@ use std::iter;
 use zip::write::{SimpleFileOptions, StreamWriter};
 use zip::{CompressionMethod, ZipWriter};
 
-use super::document::{Head, Member, Object};
-use super::error::Result;
-use super::out::Out;
-use super::table::{PartTable, Values};
-use super::units::fits_single;
-use super::view::View;
+use super::document::Member;
+use super::{Head, Object, Out, PartTable, Result, Values, View, fits_single};
 
 /// Writes a table: one array per column under its name, and `meta` with key, engine and units as JSON.
 pub fn table(out: &mut Out<'_>, head: &Head, table: &PartTable, view: &View) -> Result<()> {

@@ -1,9 +1,6 @@
 //! Statistics of each output of a study over all its points, and their histograms.
 
-use super::document::Document;
-use super::error::{Error, Result};
-use super::kind::Part;
-use super::table::{PartTable, Values};
+use super::{Document, Error, Part, PartTable, Result, Values};
 use fretwork_engine::twelve_digits;
 use fretwork_job::TaskKind;
 use fretwork_study::stats::summary::Summary;

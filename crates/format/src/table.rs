@@ -8,10 +8,7 @@ use serde::de::{Deserializer as _, IgnoredAny, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize, Serializer};
 use serde_json::value::RawValue;
 
-use super::error::{Error, Missing, Result, refuse_if_any};
-use super::kind::Part;
-use super::units::Units;
-use super::view::View;
+use super::{Error, Missing, Part, Result, Units, View, refuse_if_any};
 use fretwork_engine::{Loops, Profiles};
 use fretwork_json::Members;
 

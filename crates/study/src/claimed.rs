@@ -8,9 +8,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 
-use super::problem::{Found, Lack};
-use super::rows::Rows;
-use super::study::Study;
+use super::{Found, Lack, Rows, Study};
 use fretwork_json as json;
 
 /// The rows of a document. Each can be compared with a new computation.

@@ -8,8 +8,7 @@ use fretwork_engine::{
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-use super::output::{NoValue, Output, OutputName};
-use super::run::Run;
+use super::{NoValue, Output, OutputName, Run};
 use fretwork_json::{self as json, BadBody, Distinct, both, typed};
 
 /// Longest estimated time of an evaluation, in milliseconds.

@@ -9,9 +9,8 @@ use std::{iter, mem, vec};
 use fretwork_engine::{Dimension, Valid};
 
 use super::model::{Model, PointValues};
-use super::output::NoValue;
-use super::run::Run;
 use super::stats::derivative::{Derivative, MAX_ROUNDS, SearchPoint, derivatives};
+use super::{NoValue, Run};
 
 /// Typical number of runs for each number that varies: one interval usually suffices.
 const RUNS: f64 = 17.0;

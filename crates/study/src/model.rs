@@ -6,11 +6,8 @@ use deserr::Deserr;
 use fretwork_engine::{Faults, Given, Valid, scenario};
 use serde_json::Value;
 
-use super::member::Member;
-use super::output::{NoValue, Output, OutputName};
-use super::problem::Problem;
-use super::run::{Ended, Run};
 use super::totals;
+use super::{Ended, Member, NoValue, Output, OutputName, Problem, Run};
 use fretwork_json::{Distinct, typed};
 
 /// Maximum number of parameters of a model, and of its outputs.

@@ -9,9 +9,7 @@ use fretwork_engine::{Valid, twelve_digits};
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
-use super::output::Output;
-use super::problem::{Found, Problem};
-use super::rows::Rows;
+use super::{Found, Output, Problem, Rows};
 use fretwork_json::words;
 
 /// Maximum number of points of a study. A server can set a lower limit.

@@ -4,10 +4,7 @@ use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
-use super::plan::Tried;
-use super::problem::Lack;
-use super::rows::Rows;
-use super::study::{PointRun, Study};
+use super::{Lack, PointRun, Rows, Study, Tried};
 
 /// Why a point has no row.
 const PANICKED: &str =

@@ -3,11 +3,8 @@
 use fretwork_engine::{Case, Fault, Faults, Method, Valid, scenario};
 use serde_json::{Map, Value};
 
-use super::member::Member;
-use super::output::{NoValue, Output, OutputName};
-use super::profile::CommonProfiles;
-use super::run::{Ended, Run};
-use super::vary::{self, Varied};
+use super::vary;
+use super::{CommonProfiles, Ended, Member, NoValue, Output, OutputName, Run, Varied};
 use fretwork_json::{Distinct, typed};
 
 /// The members of a study that take most of its memory. They are read without copying them.

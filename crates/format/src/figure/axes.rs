@@ -1,10 +1,7 @@
 //! What the axes of all figures have in common: their spacing, their size, and the metadata.
 
-use crate::document::Head;
-use crate::error::{Missing, Result, refuse_if_any};
-use crate::notation::typeset;
-use crate::table::evenly_spaced;
 use crate::view::FigureOptions;
+use crate::{Head, Missing, Result, evenly_spaced, refuse_if_any, typeset};
 use fretwork_plot::{About, Axis, Figure, Series};
 
 /// An axis of drawn values or of cycles is logarithmic if the ratio of its ends is at least this.

@@ -1,8 +1,7 @@
 //! Chooses the figure of a study from the members and outputs of the study and the request of the client.
 
-use crate::error::Missing;
-use crate::quantity::QUANTITIES;
-use crate::view::{StudyOptions, View};
+use crate::view::StudyOptions;
+use crate::{Missing, QUANTITIES, View};
 use fretwork_study::{Hints, StudyFigure};
 
 /// Maximum number of curves in a family.

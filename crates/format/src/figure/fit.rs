@@ -4,10 +4,8 @@ use serde_json::Value;
 
 use super::axes;
 use super::words::capital;
-use crate::document::Document;
-use crate::error::{Error, Missing, Result};
-use crate::notation::Notation;
 use crate::units::in_engineering;
+use crate::{Document, Error, Missing, Notation, Result};
 use fretwork_plot::{Axis, Band, Figure, GREY, Mark, Series, Style};
 use fretwork_study::StudyFigure;
 

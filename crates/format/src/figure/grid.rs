@@ -5,8 +5,7 @@ use serde_json::Value;
 use super::axes::{distinct, spans_decades};
 use super::choice::{MAX_CURVES, Offer};
 use super::words::{member, short, values_of};
-use crate::table::{PartTable, evenly_spaced};
-use crate::units::Units;
+use crate::{PartTable, Units, evenly_spaced};
 use fretwork_plot::{Axis, Band, Dash, Field, Series, Style};
 
 /// Maximum number of points of a curve, and of columns and rows of a heat map. More would be smaller than a pixel.

@@ -21,9 +21,7 @@ mod study;
 mod tornado;
 pub mod words;
 
-use super::document::Document;
-use super::error::Result;
-use super::view::View;
+use super::{Document, Result, View};
 use fretwork_job::TaskKind;
 
 /// Draws the requested figure as an SVG document.

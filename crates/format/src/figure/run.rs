@@ -8,13 +8,10 @@ use serde_json::{Value, json};
 
 use super::axes::{self, LOG_RATIO};
 use super::words::distinct;
-use crate::document::Document;
-use crate::error::{Error, Missing, Result, refuse_if_any};
-use crate::kind::Part;
-use crate::notation::digits;
-use crate::quantity::{QUANTITIES, Quantity};
-use crate::table::{PartTable, Values, evenly_spaced};
-use crate::view::View;
+use crate::{
+    Document, Error, Missing, Part, PartTable, QUANTITIES, Quantity, Result, Values, View, digits,
+    evenly_spaced, refuse_if_any,
+};
 use fretwork_engine::EVENTS;
 use fretwork_plot::{Axis, Dash, Figure, GREY, Series, Style};
 

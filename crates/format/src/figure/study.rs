@@ -8,11 +8,7 @@ use super::choice::{Choice, Offer};
 use super::grid::{self, Axes, Surface};
 use super::words::{self, member};
 use super::{fit, scatter, tornado};
-use crate::document::Document;
-use crate::error::{Error, Result};
-use crate::kind::Part;
-use crate::table::{PartTable, Values};
-use crate::view::View;
+use crate::{Document, Error, Part, PartTable, Result, Values, View};
 use fretwork_plot::{Axis, Figure};
 use fretwork_study::{Hints, Kind, Regions, StudyFigure};
 

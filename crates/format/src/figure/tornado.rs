@@ -4,8 +4,7 @@ use serde_json::Value;
 
 use super::axes;
 use super::words::member;
-use crate::table::PartTable;
-use crate::units::Units;
+use crate::{PartTable, Units};
 use fretwork_plot::{Bar, BarChart, Group};
 use fretwork_study::Bars;
 

@@ -8,13 +8,8 @@ use serde_json::{Value, json};
 
 use super::entry::{About, ReportedResult};
 use super::smooth::smooth;
-use crate::document::Document;
-use crate::error::Result;
-use crate::kind::Part;
-use crate::law::Verdict;
 use crate::statistics;
-use crate::table::evenly_spaced;
-use crate::view::View;
+use crate::{Document, Part, Result, Verdict, View, evenly_spaced};
 use fretwork_job::{TaskKind, earlier};
 
 /// Size of the results of one file, in bytes. Of a larger one, the file has some of the output cycles or the first rows.

@@ -11,10 +11,7 @@ pub mod smooth;
 
 use serde_json::Value;
 
-use crate::document::Document;
-use crate::error::{Error, Missing, Result};
-use crate::notation::Notation;
-use crate::view::View;
+use super::{Document, Error, Missing, Notation, Result, View};
 use fretwork_job::TaskKind;
 
 pub use entry::{About, ReportedResult};

@@ -3,14 +3,9 @@
 use serde_json::Value;
 
 use super::entry::Pairs;
-use crate::document::Document;
-use crate::error::Result;
 use crate::figure::words::{capital, output, whole};
-use crate::kind::Part;
-use crate::law::Verdict;
-use crate::notation::Notation;
 use crate::statistics;
-use crate::view::View;
+use crate::{Document, Notation, Part, Result, Verdict, View};
 use fretwork_engine::Dimension;
 use fretwork_engine::input::inputs::{VALUES, measure_at};
 use fretwork_engine::input::quantity::parse;

@@ -4,10 +4,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::value::{RawValue, to_raw_value};
 use serde_json::{Value, json};
 
-use crate::document::Document;
-use crate::error::Result;
-use crate::kind::Part;
-use crate::view::View;
+use crate::{Document, Part, Result, View};
 use fretwork_job::{Prepared, TaskKind};
 use fretwork_study::LONGEST_EVALUATION;
 

@@ -17,15 +17,13 @@ use fretwork_engine::input::fields::Length;
 use fretwork_engine::{Case, Condition, Faults, Given, Valid, scenario};
 use serde_json::{Value, json};
 
-use crate::member::Member;
-use crate::output::Output;
+use crate::plan::Regions;
 use crate::plan::StudyFigure::{Curves, Heat, Regimes};
-use crate::plan::{
-    Cells, Column, Findings, GoesOn, Hints, Kind, Offer, OrRun, Plan, Read, Regions, Tried,
+use crate::problem::outputs_of;
+use crate::{
+    Cells, Column, Findings, Found, GoesOn, Hints, Kind, Lack, Member, NUMBER, Offer, OrRun,
+    Output, Plan, Problem, Read, Rows, Tried, Values, Varied, small_members,
 };
-use crate::problem::{Found, Lack, Problem, outputs_of, small_members};
-use crate::rows::{NUMBER, Rows};
-use crate::vary::{Values, Varied};
 use fretwork_json::{Whole, both, typed};
 
 /// The kind of maps.

@@ -6,11 +6,9 @@ use serde_json::{Value, json};
 use super::model::Set;
 use super::search::{Fit, Known, Task};
 use super::told::Told;
-use crate::member::Member;
-use crate::plan::{Cells, Findings, NamedCells};
-use crate::problem::Problem;
-use crate::rows::Rows;
+use crate::plan::NamedCells;
 use crate::stats::origin::Line;
+use crate::{Cells, Findings, Member, Problem, Rows};
 
 /// The columns of numbers in the tables of measured numbers and bands, and their units.
 pub const COLUMNS: [(&str, &str); 10] = [

@@ -19,9 +19,7 @@ use serde_json::Value;
 use super::model::Parameter;
 use super::search::{Fit, Known, Search};
 use crate::claimed::{Columns, column_of};
-use crate::plan::{Column, OrRun, Plan as _, Tried};
-use crate::problem::Problem;
-use crate::study::PointRun;
+use crate::{Column, OrRun, Plan as _, PointRun, Problem, Tried};
 
 /// The answer where a prediction is missing. JSON has no infinity, and differences of two such numbers must be finite.
 /// Outside of the bounds, the answer falls with the distance from them, so that a search finds back.

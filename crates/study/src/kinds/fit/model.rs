@@ -3,10 +3,8 @@
 use fretwork_engine::{Faults, Valid, twelve_digits};
 use serde_json::{Value, json};
 
-use crate::member::Member;
-use crate::output::OutputName;
-use crate::problem::{Found, Problem};
-use crate::profile::{CommonProfiles, Field};
+use crate::profile::Field;
+use crate::{CommonProfiles, Found, Member, OutputName, Problem};
 
 /// Values of a linear parameter that are smaller than this share of its bounds are near 0.
 const NEAR_0: f64 = 0.01;

@@ -9,12 +9,11 @@
 //!
 //! The tasks of a stage do not depend on the rows before it.
 
-use crate::plan::{OrRun, Tried, WantedRun};
-use crate::problem::Lack;
-use crate::rows::Rows;
+use crate::plan::WantedRun;
 use crate::stats::derivative::{Derivative, SearchPoint, derivatives};
 use crate::stats::least_squares::{self, StopCriteria};
 use crate::stats::measured::{Information, MeasuredNumbers, Noise};
+use crate::{Lack, OrRun, Rows, Tried};
 
 use super::model::{MeasuredQuantity, Parameter, Runs, Set};
 
