@@ -1,11 +1,11 @@
 //! `fretwork worker`: computes the runs of servers that share a database.
 
 use std::collections::BTreeMap;
-use std::future;
 use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;
-use std::time::Duration;
+
+use futures_util::future::OptionFuture;
 
 use super::listening::{greeting, listen};
 use super::printing::Error;
@@ -57,18 +57,14 @@ async fn work_until_signal(settings: &Worker, place: &Place) -> Result<(), Error
     if let Some(listener) = &listener {
         greet_monitors(&settings.logging, listener.local_addr()?);
     }
-    let monitored = service.clone();
     // Monitors get answers until the process ends.
-    let monitoring = async {
-        match listener {
-            Some(listener) => http::serve_monitoring(listener, monitored).await,
-            None => future::pending().await,
-        }
-    };
+    let monitored = service.clone();
+    let monitoring = listener.map(|listener| http::serve_monitoring(listener, monitored));
+    let time_is_up = OptionFuture::from(settings.until.map(tokio::time::sleep));
     let work = async {
         tokio::select! {
             () = signals.next() => tracing::info!("draining; a second signal stops at once"),
-            () = passed(settings.until) => tracing::info!("draining after the time of --until"),
+            Some(()) = time_is_up => tracing::info!("draining after the time of --until"),
             () = workers.idle_for(settings.idle_exit) => tracing::info!("nothing to compute"),
         }
         service.drain();
@@ -85,17 +81,9 @@ async fn work_until_signal(settings: &Worker, place: &Place) -> Result<(), Error
     };
     tokio::select! {
         () = work => {}
-        () = monitoring => {}
+        Some(()) = OptionFuture::from(monitoring) => {}
     }
     Ok(())
-}
-
-/// Waits for this time, or forever.
-async fn passed(time: Option<Duration>) {
-    match time {
-        Some(time) => tokio::time::sleep(time).await,
-        None => future::pending().await,
-    }
 }
 
 /// Prints the address at which a worker answers monitors.
