@@ -258,30 +258,22 @@ impl Mesh {
     /// The tangential motion, as far as the surface at `radius` does not follow it: Δ·s there. `loads` are min(Δ, y) of
     /// the cells in contact. In a line contact it is the slip relative to the middle.
     pub(crate) fn slip_at(&self, radius: f64, threshold: f64, loads: &[f64]) -> f64 {
-        let angle = |x: f64| libm::asin((x / radius).min(1.0));
-        let cosh = |x: f64| libm::acosh((radius / x).max(1.0));
-        match self.geometry {
-            Geometry::Round => {
-                let mut inner = angle(self.radii[0]);
-                let mut stuck = threshold * inner;
-                for (load, outer) in loads.iter().zip(&self.radii[1..]) {
-                    let outer = angle(*outer);
-                    stuck += load * (outer - inner);
-                    inner = outer;
-                }
-                (threshold - FRAC_2_PI * stuck).max(0.0)
-            }
-            Geometry::Line => {
-                let mut inner = cosh(self.radii[0]);
-                let mut slip = threshold * inner;
-                for (load, outer) in loads.iter().zip(&self.radii[1..]) {
-                    let outer = cosh(*outer);
-                    slip -= load * (inner - outer);
-                    inner = outer;
-                }
-                slip.max(0.0)
-            }
+        let angle = |x: f64| match self.geometry {
+            Geometry::Round => libm::asin((x / radius).min(1.0)),
+            Geometry::Line => libm::acosh((radius / x).max(1.0)),
+        };
+        let mut inner = angle(self.radii[0]);
+        let mut sum = threshold * inner;
+        for (load, outer) in loads.iter().zip(&self.radii[1..]) {
+            let outer = angle(*outer);
+            sum += load * (outer - inner);
+            inner = outer;
         }
+        match self.geometry {
+            Geometry::Round => threshold - FRAC_2_PI * sum,
+            Geometry::Line => sum,
+        }
+        .max(0.0)
     }
 }
 
