@@ -9,8 +9,7 @@ use crate::numeric::root;
 use crate::solver::closed::energy;
 use crate::solver::closed::simplified::Simplified;
 use crate::solver::events::StopCondition;
-use crate::solver::stepped::law::{Law, WearProblem};
-use crate::solver::stepped::march::March;
+use crate::solver::stepped::{Law, March, WearProblem};
 
 /// Number of operations, as [`Case::operations`] counts them, that one processor core does per second.
 const OPERATIONS_PER_SECOND: f64 = 1e9;
@@ -350,11 +349,6 @@ impl Case {
             sums.tangential = half;
         }
         sums
-    }
-
-    /// Whether the run ends at N = `n` and its last row must contain profiles.
-    pub(crate) fn shows_end(&self, n: f64, end: f64) -> bool {
-        n >= end && self.profile_rows() > 0
     }
 
     /// The tolerance of the integration in time.

@@ -36,11 +36,9 @@
 
 use std::sync::Arc;
 
-use super::geometry::Geometry;
-use super::limit::{Limit, chord_and_angle, limiting_wear};
-use super::profile::Shape;
+use super::limit::{chord_and_angle, limiting_wear};
 use super::record::DisplacementRecord;
-use super::unworn::Contact;
+use super::{Contact, Geometry, Limit, Shape};
 pub use crate::input::held::Normal;
 use crate::numeric::{maximum, root};
 

@@ -28,8 +28,7 @@
 
 use std::f64::consts::FRAC_2_PI;
 
-use super::geometry::Geometry;
-use super::profile::Shape;
+use super::{Geometry, Shape};
 use crate::numeric::{Bracket, integrate, integrate_pieces, maximum, root};
 
 /// Maximum scar radius, in a₀, in gross slip at constant force. Further out the shape is unknown,

@@ -24,7 +24,7 @@ pub mod unworn;
 pub mod yielding;
 
 pub use control::{Block, Control, Final, Held, Normal};
-pub use course::{Over, Track};
+pub use course::{Course, Over, Track};
 pub use geometry::Geometry;
 pub use limit::{DEEPEST, Limit, WIDEST};
 pub use profile::Shape;

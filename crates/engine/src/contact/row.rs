@@ -21,10 +21,8 @@
 
 use std::sync::OnceLock;
 
-use super::geometry::Geometry;
 use super::hysteresis::{Backbone, ROW_POINTS};
-use super::profile::Shape;
-use super::unworn::{Contact, Decay};
+use super::{Contact, Decay, Geometry, Shape};
 use crate::numeric::{Gauss, integrate};
 
 /// Sums over the springs of an unworn contact, for half of the row.

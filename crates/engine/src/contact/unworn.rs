@@ -2,12 +2,9 @@
 
 use std::sync::Arc;
 
-use super::course::{Course, Moment};
-use super::geometry::Geometry;
+use super::course::Moment;
 use super::layers::Layers;
-use super::limit::Limit;
-use super::profile::Shape;
-use super::reference::Series;
+use super::{Course, Geometry, Limit, Series, Shape};
 
 /// The regime of the unworn contact.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, utoipa::ToSchema)]
@@ -66,24 +63,6 @@ impl Contact {
             course: None,
             layers: None,
         })
-    }
-
-    /// The same line contact with a reference for its displacements.
-    #[must_use]
-    pub fn measured_against(self, reference: Option<Series>) -> Self {
-        Self { reference, ..self }
-    }
-
-    /// The same contact with coefficients that change.
-    #[must_use]
-    pub fn changing(self, course: Option<Course>) -> Self {
-        Self { course: course.map(Arc::new), ..self }
-    }
-
-    /// The same contact with layers.
-    #[must_use]
-    pub fn layered(self, layers: Option<Layers>) -> Self {
-        Self { layers: layers.map(Arc::new), ..self }
     }
 
     /// Whether the coefficient of friction changes.

@@ -30,6 +30,7 @@ mod schema;
 pub mod work_done;
 
 use std::borrow::Cow;
+use std::sync::Arc;
 
 use serde::Serialize;
 use serde_json::Value;
@@ -340,11 +341,12 @@ impl Scenario {
             length: self.profile.length(),
         };
         let outgrown = || self.profile.outgrown(scales.indentation_depth, threshold);
-        let contact = Contact::new(contact.shape, threshold)
-            .ok_or_else(outgrown)?
-            .measured_against(reference)
-            .changing(course(&self.friction, &self.wear, &scales))
-            .layered(self.wear.layers(&scales));
+        let contact = Contact {
+            reference,
+            course: course(&self.friction, &self.wear, &scales).map(Arc::new),
+            layers: self.wear.layers(&scales).map(Arc::new),
+            ..Contact::new(contact.shape, threshold).ok_or_else(outgrown)?
+        };
         let tends_to = control.tends_to(&contact);
         let method = self.model.method();
         let horizon = self.motion.end().unwrap_or(LAST_CYCLE) / unit;

@@ -20,8 +20,7 @@ use crate::contact::{Contact, Control, Held, Normal, Shape, UnwornSums};
 use crate::numeric::Monotone;
 use crate::outcome::History;
 use crate::scenario::Warning;
-use crate::solver::stepped::law::WearProblem;
-use crate::solver::stepped::march::March;
+use crate::solver::stepped::{March, WearProblem};
 
 /// The table. If a run ends early, its row has no values after the end.
 const TABLE: &str = include_str!("exact_volumes.csv");

@@ -16,9 +16,8 @@ use crate::solver::closed::events::{StopSearch, events};
 use crate::solver::closed::simplified::{Simplified, State, UnwornCurves};
 use crate::solver::curves::{Curves, Grid, rim};
 use crate::solver::events::{Event, EventKind, WornThrough};
-use crate::solver::stepped::march::March;
-use crate::solver::stepped::plan::MeshPlan;
 use crate::solver::stepped::shares::shares;
+use crate::solver::stepped::{March, MeshPlan};
 
 /// Number of multiplications per step: about 30 ms.
 const STEP_OPERATIONS: f64 = 3e7;
@@ -166,7 +165,8 @@ impl SingleRun {
         let mut wanted = Vec::new();
         for (n, shows) in cycles[done..until].iter().zip(&case.profiles[done..until]) {
             let n = n.min(end);
-            wanted.push((n, *shows || case.shows_end(n, end)));
+            // The row at the end has profiles if any output cycle was to have them.
+            wanted.push((n, *shows || n >= end && case.profile_rows() > 0));
             if n >= end {
                 break;
             }

@@ -1,5 +1,7 @@
 //! Coefficients that change during a run, and bodies with layers.
 
+use std::sync::Arc;
+
 use fretwork_engine::contact::control::{Block, Control, Normal};
 use fretwork_engine::contact::course::{Course, Over, Track};
 use fretwork_engine::contact::profile::Shape;
@@ -74,7 +76,7 @@ fn a_step_of_the_friction_is_a_block_of_another_amplitude() {
     let contact = Contact::new(Shape::power(2.0), delta).expect("a limit");
     let track = Track::through(Over::Time, vec![step, step], vec![1.0, m]);
     let course = Course { friction: Some(track), wear: None };
-    let changing = contact.clone().changing(Some(course));
+    let changing = Contact { course: Some(Arc::new(course)), ..contact.clone() };
     let held = Control::paper(delta);
     let blocks = [Block::new(delta, step), Block::new(delta / m, 1e9)];
     let block = Control { normal: Normal::Depth, blocks: blocks.into() };

@@ -76,9 +76,8 @@ fn volumes_with_a_stroke_held_agree_with_converged_runs() {
         (10.0, [0.06431, 0.33543, 0.58063, 0.58295], 0.514, 0.892),
         (1000.0, [0.06526, 0.35381, 0.60737, 0.60921], 0.507, 0.950),
     ] {
-        let contact = Contact::sticking(Shape::line_power(2.0), 0.5)
-            .expect("a limit")
-            .measured_against(Some(points_at(reach)));
+        let contact = Contact::sticking(Shape::line_power(2.0), 0.5).expect("a limit");
+        let contact = Contact { reference: Some(points_at(reach)), ..contact };
         let control = held(control::Held::Stroke(stroke(&contact, reach)), &contact);
         let mut run = started(&contact, &control, 50.0);
         for (time, known) in [1.0, 5.0, 20.0, 50.0].into_iter().zip(volumes) {
@@ -181,9 +180,9 @@ fn boundary_elements_find_the_pressure_and_the_slip_of_worn_contacts() {
     const REACH: f64 = 12.0;
     for shape in [Shape::line_power(2.0), Shape::line_power(1.0), Shape::punch(0.5)] {
         let reference = Some(points_at(REACH));
-        let partial =
-            Contact::sticking(shape.clone(), 0.6).expect("a limit").measured_against(reference);
-        let whole = Contact::new(shape.clone(), 1.0).expect("scales").measured_against(reference);
+        let partial = Contact::sticking(shape.clone(), 0.6).expect("a limit");
+        let whole = Contact::new(shape.clone(), 1.0).expect("scales");
+        let [partial, whole] = [partial, whole].map(|contact| Contact { reference, ..contact });
         let (stick, slide) = (stroke(&partial, REACH), 4.0 * stroke(&whole, REACH));
         let of_stroke = |amplitude: f64| {
             move |_: &MarchState| Held::Stroke {
@@ -235,7 +234,7 @@ fn boundary_elements_find_the_held_aperture_of_worn_contacts() {
             let series = points_at(REACH);
             let (threshold, _) = series.at_aperture(&shape, aperture);
             let contact = Contact::new(shape.clone(), threshold).expect("scales");
-            let contact = contact.measured_against(Some(series));
+            let contact = Contact { reference: Some(series), ..contact };
             let control = held(control::Held::Aperture(aperture), &contact);
             for time in [1e-6, 0.3, 1.0] {
                 let mut run = started(&contact, &control, time);

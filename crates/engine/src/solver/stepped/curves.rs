@@ -14,9 +14,7 @@
 use std::f64::consts::FRAC_2_PI;
 use std::iter;
 
-use super::mesh::Mesh;
-use super::prior::PriorWear;
-use super::wearing::WornContact;
+use super::{Mesh, PriorWear, WornContact};
 use crate::contact::{Geometry, Shape};
 use crate::numeric::Monotone;
 use crate::solver::curves::Curves;

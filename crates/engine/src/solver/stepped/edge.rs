@@ -15,8 +15,7 @@
 //! # Accuracy
 //! VERIFICATION.md compares random runs with fine ones.
 
-use super::run::MeshRun;
-use super::wearing::Wearing;
+use super::{MeshRun, Wearing};
 use crate::numeric::{Monotone, root};
 
 /// The radius is the mean of an estimate from the springs and an estimate from the wear. Both estimates have the same

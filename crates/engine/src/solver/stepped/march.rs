@@ -18,11 +18,10 @@
 use std::sync::Arc;
 
 use super::edge::ContactEdge;
-use super::law::{Law, WearProblem};
-use super::plan::{FAR, MeshPlan, REST_BLUR, is_far};
-use super::run::{MeshRun, Outlook, Stop, moves};
+use super::plan::{FAR, REST_BLUR, is_far};
+use super::run::{Outlook, Stop, moves};
 use super::shares::BodyShares;
-use super::wearing::{Wearing, WornContact};
+use super::{Law, MeshPlan, MeshRun, WearProblem, Wearing, WornContact};
 use crate::contact::layers::Interface;
 use crate::contact::{Contact, Control, DEEPEST, Final, Held, Limit, Normal, Regime, WIDEST};
 use crate::numeric::root;

@@ -12,3 +12,12 @@ mod run;
 pub(crate) mod shares;
 pub mod springs;
 pub mod wearing;
+
+pub use law::{Law, WearProblem};
+pub use march::March;
+use mesh::Mesh;
+pub use plan::MeshPlan;
+use prior::PriorWear;
+use run::MeshRun;
+use springs::Springs;
+use wearing::{Wearing, WornContact};

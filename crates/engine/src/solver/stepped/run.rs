@@ -2,11 +2,9 @@
 
 use std::sync::Arc;
 
-use super::law::{Law, WearProblem};
-use super::plan::{Focus, MeshPlan};
-use super::prior::PriorWear;
+use super::plan::Focus;
 use super::rkc::Rkc;
-use super::wearing::{Wearing, WornContact};
+use super::{Law, MeshPlan, PriorWear, WearProblem, Wearing, WornContact};
 use crate::contact::row::unworn_integrals;
 use crate::contact::{Block, Contact, Control, Geometry, Held, Limit, Normal, Over, Regime};
 use crate::numeric::{Bracket, largest};

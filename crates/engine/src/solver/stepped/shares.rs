@@ -10,8 +10,7 @@
 //! dw_i = dw (k_i/ℓ_i) / Σ (k_j/ℓ_j)
 //! ```
 
-use super::run::MeshRun;
-use super::wearing::Wearing;
+use super::{MeshRun, Wearing};
 
 /// The share of each body in the wear depth, from the depths that they would lose over equal lengths, and the lengths. The
 /// sum is 1, or 0 without wear.

@@ -21,8 +21,7 @@
 //! A stick edge that moves inwards is resolved within its cell: ω is the mean of max(0, 1 − y/Δ), with y linear
 //! across the cell.
 
-use super::mesh::Mesh;
-use super::prior::PriorWear;
+use super::{Mesh, PriorWear};
 use crate::contact::reference::at_aperture;
 use crate::contact::{Block, Contact, Control, Geometry, Held, Normal, Series};
 

@@ -17,12 +17,10 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 pub use self::worn::WornContact;
-use super::law::{Law, WearProblem};
-use super::mesh::Mesh;
-use super::plan::{EXTENSION, MeshPlan};
-use super::prior::PriorWear;
+use super::plan::EXTENSION;
 use super::rkc::Rates;
-use super::springs::{Aside, Springs};
+use super::springs::Aside;
+use super::{Law, Mesh, MeshPlan, PriorWear, Springs, WearProblem};
 use crate::contact::course::{Follower, Moment};
 use crate::contact::{Contact, Geometry, Limit, Normal};
 use crate::numeric::{Monotone, root};
@@ -576,7 +574,7 @@ mod tests {
                 let reference = Some(Series { reach: 20.0, compliance: 0.1 });
                 let contact = Contact::new(shape.clone(), threshold).expect("a limit");
                 let control = Control::constant(Normal::Depth, held, threshold);
-                problems.push((contact.measured_against(reference), control));
+                problems.push((Contact { reference, ..contact }, control));
             }
         }
         for (contact, control) in problems {

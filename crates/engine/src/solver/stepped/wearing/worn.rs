@@ -1,12 +1,9 @@
 //! The worn contact at one time, as it is reported: volumes, depths, radii and forces.
 
-use super::Wearing;
 use crate::contact::hysteresis::Backbone;
 use crate::contact::{Geometry, Normal, Shape};
 use crate::numeric::{largest, root, vertex};
-use crate::solver::stepped::law::Law;
-use crate::solver::stepped::mesh::Mesh;
-use crate::solver::stepped::springs::Springs;
+use crate::solver::stepped::{Law, Mesh, Springs, Wearing};
 
 /// The worn contact at one time, in units of a₀, d₀, E*d₀/a₀ and a₀²d₀.
 #[derive(Debug, Clone, PartialEq)]
