@@ -3,7 +3,7 @@
 use super::canvas::{Anchor, Area, Canvas, Point};
 use super::color::{hex, ink_on, shade};
 use super::contours::contours;
-use super::scale::{Axis, Scale, TICK_ROOM};
+use super::scale::{Axis, Scale, TICK_ROOM, Tick};
 use super::series::{Dash, Style};
 use super::text::{GAP, LABEL, LEADING, SINK, SMALL, width};
 
@@ -117,19 +117,10 @@ impl Field {
 /// The positions of the contour lines on the scale (0 to 1). The lines are at the labels of the colour bar, which are
 /// round numbers. If a logarithmic bar has few labels, there are also lines at its ticks at 2 and 5.
 fn levels(scale: &Scale) -> Vec<f64> {
-    let inside = |share: &f64| (1e-6..1.0 - 1e-6).contains(share);
-    let all = || scale.ticks.iter();
-    let labelled = all().filter(|tick| tick.label.is_some()).map(|tick| tick.share);
-    let labelled: Vec<f64> = labelled.filter(inside).collect();
-    if labelled.len() >= FEWEST_LINES {
-        return labelled;
-    }
-    let more: Vec<f64> = all()
-        .filter(|tick| tick.label.is_some() || scale.is_round(tick.share))
-        .map(|tick| tick.share)
-        .filter(inside)
-        .collect();
-    if more.len() > labelled.len() { more } else { labelled }
+    let inside = || scale.ticks.iter().filter(|tick| (1e-6..1.0 - 1e-6).contains(&tick.share));
+    let are_few = inside().filter(|tick| tick.label.is_some()).count() < FEWEST_LINES;
+    let has_line = |tick: &&Tick| tick.label.is_some() || are_few && scale.is_round(tick.share);
+    inside().filter(has_line).map(|tick| tick.share).collect()
 }
 
 fn contour(share: f64) -> Style {
