@@ -85,11 +85,10 @@ fn statistics(outputs: &[Output]) -> Vec<(String, Values)> {
         PERCENTILES.map(|(name, share)| (name, numbers(&|summary| summary.percentile(share))));
     let outer = PERCENTILES.into_iter().filter(|(name, _)| OUTER.contains(name));
     let intervals = outer.flat_map(|(name, share)| {
-        ["low", "high"].into_iter().enumerate().map(move |(end, side)| (name, share, end, side))
-    });
-    let intervals = intervals.map(|(name, share, end, side)| {
-        let ends = numbers(&|summary| Some(summary.percentile_interval(share)?[end]));
-        (format!("{name}_{side}"), ends)
+        [("low", 0), ("high", 1)].map(|(side, end)| {
+            let ends = numbers(&|summary| Some(summary.percentile_interval(share)?[end]));
+            (format!("{name}_{side}"), ends)
+        })
     });
     let all = first.into_iter().chain(percentiles);
     all.map(|(name, values)| (name.to_owned(), values)).chain(intervals).collect()

@@ -102,15 +102,10 @@ fn central(members: &[(usize, &[f64])], output: &[f64]) -> Vec<(usize, f64)> {
             column.iter().map(|value| place(value).abs_diff(middle)).collect()
         })
         .collect();
-    let has_output = |row: &usize| output[*row].is_finite();
-    let rows = if (0..output.len()).any(|row| has_output(&row)) {
-        (0..output.len()).filter(has_output).collect::<Vec<_>>()
-    } else {
-        (0..output.len()).collect()
-    };
-    let distance = |row: &&usize| distances.iter().map(|own| own[**row]).sum::<usize>();
-    let Some(row) = rows.iter().min_by_key(distance) else { return Vec::new() };
-    members.iter().map(|(place, column)| (*place, column[*row])).collect()
+    let distance = |row: usize| distances.iter().map(|own| own[row]).sum::<usize>();
+    let rank = |row: &usize| (!output[*row].is_finite(), distance(*row));
+    let Some(row) = (0..output.len()).min_by_key(rank) else { return Vec::new() };
+    members.iter().map(|(place, column)| (*place, column[row])).collect()
 }
 
 impl Surface<'_> {

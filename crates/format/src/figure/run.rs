@@ -287,7 +287,8 @@ impl Drawing<'_> {
     }
 }
 
-fn numbers(column: &Value) -> Vec<f64> {
+/// The numbers of a list; NaN for null.
+pub fn numbers(column: &Value) -> Vec<f64> {
     column.as_array().into_iter().flatten().map(|cell| cell.as_f64().unwrap_or(f64::NAN)).collect()
 }
 

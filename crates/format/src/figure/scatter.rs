@@ -20,12 +20,8 @@ const TAILS: [f64; 2] = [0.05, 0.95];
 
 /// The dots and the curves of a scatter plot, and a note about them.
 pub fn series(x: &[f64], y: &[f64]) -> (Vec<Series>, String) {
-    let points: Vec<(f64, f64)> = x
-        .iter()
-        .zip(y)
-        .map(|(x, y)| (*x, *y))
-        .filter(|(x, y)| x.is_finite() && y.is_finite())
-        .collect();
+    let points = x.iter().copied().zip(y.iter().copied());
+    let points: Vec<_> = points.filter(|(x, y)| x.is_finite() && y.is_finite()).collect();
     let count = points.len();
     let mut note = String::new();
     let label = if count > MAX_DOTS {

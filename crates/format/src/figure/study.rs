@@ -6,6 +6,7 @@ use serde_json::Value;
 use super::axes;
 use super::choice::{Choice, Offer};
 use super::grid::{self, Axes, Surface};
+use super::run::numbers;
 use super::words::{self, member};
 use super::{fit, scatter, tornado};
 use crate::{Document, Error, Part, PartTable, Result, Values, View};
@@ -173,10 +174,7 @@ impl<'a> DrawnStudy<'a> {
     /// the column is NaN.
     fn boundary(&self, regions: &Regions, column: &str) -> Result<[Vec<f64>; 2]> {
         let boundary = self.document.value(regions.boundary)?;
-        let [first, second] = [self.member(0), column].map(|name| -> Vec<f64> {
-            let cells = boundary[name].as_array().into_iter().flatten();
-            cells.map(|cell| cell.as_f64().unwrap_or(f64::NAN)).collect()
-        });
+        let [first, second] = [self.member(0), column].map(|name| numbers(&boundary[name]));
         let mut pairs: Vec<_> = first.into_iter().zip(second).collect();
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
         let (first, second) = pairs.into_iter().unzip();
