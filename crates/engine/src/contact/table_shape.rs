@@ -261,13 +261,14 @@ impl TableShape {
         self.areas[cell] + area(&self.cells[cell], u)
     }
 
-    /// The polynomial terms that start between `from` and `to`. The first term is the polynomial of the cell that
-    /// contains `from`.
-    fn terms(&self, from: f64, to: f64) -> impl Iterator<Item = (f64, Powers)> + '_ {
+    /// The sum over the polynomial terms that start between `from` and `to`. The first term is the polynomial of the
+    /// cell that contains `from`.
+    fn sum_of_terms(&self, from: f64, to: f64, of: impl Fn(f64, &Powers) -> f64) -> f64 {
         let (cell, u) = self.locate(from);
         let later = self.nodes[cell + 1..].iter().zip(&self.changes[cell + 1..]);
-        std::iter::once((from, shifted(&self.cells[cell], u)))
-            .chain(later.take_while(move |(node, _)| **node < to).map(|(x, c)| (*x, *c)))
+        let later =
+            later.take_while(|(node, _)| **node < to).map(|(node, powers)| of(*node, powers));
+        std::iter::once(of(from, &shifted(&self.cells[cell], u))).chain(later).sum()
     }
 
     /// The inverse transform outside c: (2/π) ∫ g/√(r²−x²) dx over c…r. In a line contact it is r ∫ F/(x √(r²−x²)) dx.
@@ -279,13 +280,10 @@ impl TableShape {
             Geometry::Round => (inverse_kernel, FRAC_2_PI),
             Geometry::Line => (line_kernel, r),
         };
-        let sum: f64 = self
-            .terms(c, r)
-            .map(|(node, powers)| {
-                let t = kernel(node, r);
-                t.iter().zip(powers).map(|(t, power)| t * power).sum::<f64>()
-            })
-            .sum();
+        let sum = self.sum_of_terms(c, r, |node, powers| {
+            let t = kernel(node, r);
+            t.iter().zip(powers).map(|(t, power)| t * power).sum()
+        });
         unit * sum
     }
 
@@ -295,14 +293,11 @@ impl TableShape {
             return 0.0;
         }
         let is_round = self.geometry == Geometry::Round;
-        let sum: f64 = self
-            .terms(0.0, r)
-            .map(|(node, powers)| {
-                let t = inverse_kernel(node, r);
-                let of = |k: usize| if is_round { t[k] + node * t[k - 1] } else { t[k - 1] };
-                (1..5).map(|k| k as f64 * powers[k] * of(k)).sum::<f64>()
-            })
-            .sum();
+        let sum = self.sum_of_terms(0.0, r, |node, powers| {
+            let t = inverse_kernel(node, r);
+            let of = |k: usize| if is_round { t[k] + node * t[k - 1] } else { t[k - 1] };
+            (1..5).map(|k| k as f64 * powers[k] * of(k)).sum()
+        });
         if is_round { FRAC_2_PI * sum / r } else { sum }
     }
 
@@ -312,13 +307,10 @@ impl TableShape {
             return 0.0;
         }
         let last = ((end - r) * (end + r)).sqrt();
-        let sum: f64 = self
-            .terms(r, end)
-            .map(|(node, powers)| {
-                let s = pressure_kernel(node, r, end, last);
-                (1..5).map(|k| k as f64 * powers[k] * s[k - 1]).sum::<f64>()
-            })
-            .sum();
+        let sum = self.sum_of_terms(r, end, |node, powers| {
+            let s = pressure_kernel(node, r, end, last);
+            (1..5).map(|k| k as f64 * powers[k] * s[k - 1]).sum()
+        });
         FRAC_1_PI * sum
     }
 
