@@ -147,31 +147,22 @@ async fn requires_key(
         if !keys.is_empty() {
             tracing::warn!("access keys exist, but --no-auth gives every caller full access");
         }
-        warn_of_open_origins(settings);
-        return Ok(false);
-    }
-    if admin_key || !keys.is_empty() {
+    } else if admin_key || !keys.is_empty() {
+        return Ok(true);
+    } else if settings.is_reachable() {
+        administration::add_first_key(place, &settings.logging).await?;
+        return Ok(true);
+    } else if settings.auth_header.is_some() {
         return Ok(true);
     }
-    if !settings.is_reachable() {
-        if settings.auth_header.is_some() {
-            return Ok(true);
-        }
-        warn_of_open_origins(settings);
-        return Ok(false);
-    }
-    administration::add_first_key(place, &settings.logging).await?;
-    Ok(true)
-}
-
-/// Without keys, the browser of a user is enough to use the server.
-fn warn_of_open_origins(settings: &Serve) {
+    // Without keys, the browser of a user is enough to use the server.
     if settings.cors_origins.iter().any(|origin| origin == "*") {
         tracing::warn!(
             "--cors-origin '*' without access keys: every web page that a user of this machine opens can read and \
              change everything; name the origins of your pages, or add a key with `fretwork keys add`"
         );
     }
+    Ok(false)
 }
 
 /// Prints the address of the server and a command to try it.
