@@ -112,24 +112,20 @@ pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
         }
         schemas["Job"]["properties"]["result"] = shared["job"]["result"].take();
     }
-    if let Some(Value::Object(paths)) = document.pointer_mut("/paths") {
-        for (path, item) in paths {
-            for (method, operation) in item.as_object_mut().into_iter().flatten() {
-                let method = parsed_method(method);
-                let needs = needs.of(&method, path);
-                add_path_responses(path, needs, operation);
-                if let Some((_, part, schema)) = REPRESENTATIONS.iter().find(|(of, ..)| of == path)
-                    && method == Method::GET
-                {
-                    add_representations(operation, *part, schema, &shared["representation"]);
-                }
-                add_access_control(path, &method, needs, &shared, operation);
-                add_shared_responses(&shared, operation);
-                add_access_headers(needs, operation);
-                if let Some(Value::Object(responses)) = operation.get_mut("responses") {
-                    responses.sort_keys();
-                }
+    for (path, item) in document["paths"].as_object_mut().into_iter().flatten() {
+        for (method, operation) in item.as_object_mut().into_iter().flatten() {
+            let method = parsed_method(method);
+            let needs = needs.of(&method, path);
+            add_path_responses(path, needs, operation);
+            if let Some((_, part, schema)) = REPRESENTATIONS.iter().find(|(of, ..)| of == path)
+                && method == Method::GET
+            {
+                add_representations(operation, *part, schema, &shared["representation"]);
             }
+            add_access_control(path, &method, needs, &shared, operation);
+            add_shared_responses(&shared, operation);
+            add_access_headers(needs, operation);
+            operation["responses"].as_object_mut().into_iter().for_each(Map::sort_keys);
         }
     }
     for part in ["headers", "securitySchemes"] {
@@ -273,9 +269,7 @@ fn add_shared_responses(shared: &Value, operation: &mut Value) {
             content["examples"][example.name] = json!({"summary": body["label"], "value": body});
         }
     }
-    let Some(Value::Object(responses)) = operation.get_mut("responses") else {
-        return;
-    };
+    let Some(responses) = operation["responses"].as_object_mut() else { return };
     let lists = [true, takes_body].into_iter().zip(["responses", "responses to a body"]);
     let lists = lists.filter(|(applies, _)| *applies).map(|(_, name)| &shared[name]);
     for (status, description) in lists.filter_map(Value::as_object).flatten() {
