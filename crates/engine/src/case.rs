@@ -179,11 +179,11 @@ pub struct EnergyOutputs {
 }
 
 impl Outputs {
-    /// The number of output cycles.
-    pub(crate) fn count(&self) -> usize {
+    /// The numbers of cycles, or the dissipated energies.
+    pub(crate) fn numbers(&self) -> &[f64] {
         match self {
-            Self::Cycles(cycles) => cycles.len(),
-            Self::Energies(outputs) => outputs.energies.len(),
+            Self::Cycles(cycles) => cycles,
+            Self::Energies(outputs) => &outputs.energies,
         }
     }
 
@@ -417,7 +417,7 @@ impl Case {
     /// Estimated number of multiplications of the run.
     pub fn operations(&self) -> f64 {
         let rows = self.profile_rows();
-        let count = self.outputs.count();
+        let count = self.outputs.numbers().len();
         let march = |law, tolerance| {
             let last = self.normalized_end();
             let cells = March::cells_for(self.problem(law), tolerance);
@@ -467,6 +467,6 @@ impl Case {
         let rows = self.profile_rows();
         let curves = if rows == 0 { 0 } else { 3 + 5 * rows };
         let loops = rows * (2 * Backbone::points(self.springs()) + 5);
-        4096 + NUMBER * (self.points * curves + loops + 17 * self.outputs.count())
+        4096 + NUMBER * (self.points * curves + loops + 17 * self.outputs.numbers().len())
     }
 }

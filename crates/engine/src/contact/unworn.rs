@@ -53,16 +53,8 @@ impl Contact {
             Geometry::Line if stick == 0.0 => Limit::solve(&shape, NARROW_CORE)?,
             _ => Limit::solve(&shape, stick)?,
         };
-        Some(Self {
-            shape,
-            threshold,
-            stick,
-            regime,
-            limit,
-            reference: None,
-            course: None,
-            layers: None,
-        })
+        let (reference, course, layers) = (None, None, None);
+        Some(Self { shape, threshold, stick, regime, limit, reference, course, layers })
     }
 
     /// Whether the coefficient of friction changes.

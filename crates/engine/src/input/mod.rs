@@ -68,7 +68,7 @@ pub struct Request {
 }
 
 /// The wear or the energy at which a run ends early.
-#[derive(Debug, Clone, Copy, PartialEq, Deserr, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Deserr, Serialize)]
 #[deserr(error = Faults, deny_unknown_fields, validate = Until::validate -> Faults)]
 pub struct Until {
     /// The maximum wear depth.

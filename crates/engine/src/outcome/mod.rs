@@ -61,15 +61,13 @@ impl History {
     /// Whether row `row` is at output cycle `row` of the case. If not, the run ended before this output cycle.
     pub fn has_reached(&self, case: &Case, row: usize) -> bool {
         let agrees = |a: f64, b: f64, error: f64| (a - b).abs() <= error * a.abs().max(b.abs());
-        let Some(cycles) = self.cycles.get(row) else { return false };
-        match &case.outputs {
-            Outputs::Cycles(known) => {
-                known.get(row).is_some_and(|known| agrees(*known, *cycles, CYCLE_ERROR))
+        let found = self.cycles.get(row).zip(case.outputs.numbers().get(row));
+        found.is_some_and(|(cycles, wanted)| match case.outputs {
+            Outputs::Cycles(_) => agrees(*wanted, *cycles, CYCLE_ERROR),
+            Outputs::Energies(_) => {
+                agrees(*wanted, case.scales.worn_by(self.dissipated_energy[row]), ENERGY_ERROR)
             }
-            Outputs::Energies(outputs) => outputs.energies.get(row).is_some_and(|energy| {
-                agrees(*energy, case.scales.worn_by(self.dissipated_energy[row]), ENERGY_ERROR)
-            }),
-        }
+        })
     }
 }
 

@@ -129,10 +129,7 @@ fn numbers_and_profiles(
 /// For each output cycle, whether it has profiles. The unworn state has profiles if any output
 /// cycle has them.
 pub(super) fn with_profiles(outputs: &Outputs, profiles_at: &ProfilesAt) -> Vec<bool> {
-    let numbers = match outputs {
-        Outputs::Cycles(cycles) => cycles,
-        Outputs::Energies(outputs) => &outputs.energies,
-    };
+    let numbers = outputs.numbers();
     let last = numbers.len() - 1;
     let carries = |(i, n): (usize, &f64)| match profiles_at {
         ProfilesAt::Word(ProfilesWord::None) => false,

@@ -356,21 +356,16 @@ impl Scenario {
         let last = outputs.last_time(unit);
         if !March::fits(problem, tends_to.as_ref(), last) {
             let mut faults = outgrown();
-            faults
-                .0
-                .iter_mut()
-                .filter(|fault| !fault.detail.ends_with("fewer cycles"))
-                .for_each(|fault| fault.detail.push_str(", or request fewer cycles"));
+            for fault in faults.0.iter_mut().filter(|it| !it.detail.ends_with("fewer cycles")) {
+                fault.detail.push_str(", or request fewer cycles");
+            }
             return Err(faults);
         }
         let case = Case {
             contact,
             control,
             tends_to,
-            until: self
-                .until
-                .0
-                .map_or_else(StopCondition::default, |until| stop_condition(&until, &scales)),
+            until: stop_condition(&self.until.0.unwrap_or_default(), &scales),
             share: self.wear.share(),
             scales,
             method,
@@ -480,16 +475,11 @@ fn moduli(request: &Request) -> Valid<CanonicalModuli> {
         (Some(moduli), _) => (moduli.normal.0, moduli.tangential.0.map_or(f64::NAN, |it| it.0)),
         (None, bodies) => {
             let bodies = bodies.as_ref().map_or(&[][..], |bodies| &bodies.0);
-            let normal: f64 = bodies
-                .iter()
-                .map(|body| {
-                    (1.0 - body.poisson_ratio.0 * body.poisson_ratio.0) / body.youngs_modulus.0
-                })
-                .sum();
-            let tangential: f64 = bodies
-                .iter()
-                .map(|body| (2.0 - body.poisson_ratio.0) / (4.0 * shear_modulus(body)))
-                .sum();
+            let sum = |of: fn(&ElasticBody) -> f64| bodies.iter().map(of).sum::<f64>();
+            let normal = sum(|body| {
+                (1.0 - body.poisson_ratio.0 * body.poisson_ratio.0) / body.youngs_modulus.0
+            });
+            let tangential = sum(|body| (2.0 - body.poisson_ratio.0) / (4.0 * shear_modulus(body)));
             (1.0 / normal, 1.0 / tangential)
         }
     };

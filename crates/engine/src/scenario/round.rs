@@ -110,15 +110,10 @@ fn around_zero(reversals: Vec<f64>) -> Vec<f64> {
     // Rounded to twelve digits of the amplitude, so that records with different middles become the same.
     let unit = libm::pow(10.0, libm::log10(amplitude).floor() - DIGITS);
     // The extreme positions are exactly opposite, so that the record stays if it is read again.
-    let shifted = |x: f64| {
-        let rounded = twelve_digits(((x - middle) / unit).round() * unit);
-        if x <= low {
-            -amplitude
-        } else if x >= high {
-            amplitude
-        } else {
-            rounded
-        }
+    let shifted = |x: f64| match x {
+        _ if x <= low => -amplitude,
+        _ if x >= high => amplitude,
+        _ => twelve_digits(((x - middle) / unit).round() * unit),
     };
     reversals.into_iter().map(shifted).collect()
 }

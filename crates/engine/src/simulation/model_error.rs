@@ -160,7 +160,7 @@ impl Interpolated {
 /// simplified rule. `None` if the table contains no such contact, or if an output cycle lies after
 /// its last time. `unworn_loss` is ∫ y ω dx of the unworn contact.
 pub(super) fn model_error(case: &Case, unworn_loss: f64, history: &History) -> Option<f64> {
-    if case.outputs.count() == 1 {
+    if case.outputs.numbers().len() == 1 {
         // Nothing has worn.
         return Some(0.0);
     }

@@ -130,7 +130,7 @@ impl SingleRun {
         let unit = self.case.scales.cycles;
         // The closed form gives the time of the end before the rows up to the end are recorded.
         let is_reached = |end: &Event| recorded.last().is_some_and(|last| *last >= end.at * unit);
-        recorded.len() == self.case.outputs.count()
+        recorded.len() == self.case.outputs.numbers().len()
             || self.events.iter().any(|event| event.ends && is_reached(event))
     }
 
@@ -253,7 +253,7 @@ impl SingleRun {
     /// Takes some time steps and records the output cycles that they reach.
     fn step_march(&mut self, marching: &mut Marching) -> f64 {
         let case = &self.case;
-        let (done, all) = (self.recording.history.cycles.len(), case.outputs.count());
+        let (done, all) = (self.recording.history.cycles.len(), case.outputs.numbers().len());
         let (before, mut recorded) = (marching.march.spent(), 0.0);
         let (mut next, mut over) = (done, false);
         while next < all && marching.march.spent() - before + recorded < STEP_OPERATIONS {
