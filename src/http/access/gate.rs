@@ -211,10 +211,8 @@ impl Gate {
     ) -> Result<Admitted> {
         let link = signed_link::open(self.signer().await?, request.uri(), pattern(request))?;
         if required > Role::Read {
-            return Err(Problem::new(
-                &kinds::BAD_LINK,
-                "A link to a result allows only reading. Send an access key instead.",
-            ));
+            let detail = "A link to a result allows only reading. Send an access key instead.";
+            return Err(Problem::new(&kinds::BAD_LINK, detail));
         }
         let open_request = self.count_link(&link.issuer, needs.quota).await?.untold();
         *request.uri_mut() = link.address;

@@ -79,12 +79,10 @@ impl Account {
     /// Counts a request against its quota, or refuses it. A request without a quota always passes.
     pub fn take(&self, quota: Option<Quota>) -> Result<OpenRequest> {
         let Some(quota) = quota else { return Ok(OpenRequest::default()) };
-        let permit = match &self.concurrent {
-            None => None,
-            Some((permits, most)) => {
-                Some(Arc::clone(permits).try_acquire_owned().map_err(|_| full(*most))?)
-            }
+        let acquire = |(permits, most): &(Arc<Semaphore>, NonZeroU32)| {
+            Arc::clone(permits).try_acquire_owned().map_err(|_| full(*most))
         };
+        let permit = self.concurrent.as_ref().map(acquire).transpose()?;
         let (bucket, policy, calls) = match quota {
             Quota::Requests => (&self.requests, "minute", "requests"),
             Quota::Evaluations => (&self.evaluations, "evaluations", "evaluations"),
@@ -161,14 +159,12 @@ impl OpenRequest {
 
     /// Wraps the body of the answer. The request counts as concurrent until that body was sent or dropped.
     pub fn hold(self, body: Body) -> Body {
-        match self.permit {
-            Some(permit) => Body::new(body.map_err(move |error| {
-                // The body owns this closure, and the closure owns the permit.
-                let _held = &permit;
-                error
-            })),
-            None => body,
-        }
+        let Some(permit) = self.permit else { return body };
+        Body::new(body.map_err(move |error| {
+            // The body owns this closure, and the closure owns the permit.
+            let _held = &permit;
+            error
+        }))
     }
 }
 

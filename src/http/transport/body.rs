@@ -111,12 +111,9 @@ async fn read(
     caller: &str,
 ) -> Result<(Vec<u8>, Permit)> {
     let too_large = || {
-        Problem::new(
-            &kinds::BODY_TOO_LARGE,
-            format!(
-                "The body has more than {BODY_LIMIT} bytes. Remove rows from long tables in it."
-            ),
-        )
+        let advice = "Remove rows from long tables in it.";
+        let detail = format!("The body has more than {BODY_LIMIT} bytes. {advice}");
+        Problem::new(&kinds::BODY_TOO_LARGE, detail)
     };
     let started = Instant::now();
     let mut body = request.into_body();

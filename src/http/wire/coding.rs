@@ -83,17 +83,15 @@ impl Coding {
             Ok(text) => text.to_bytes(),
             Err(error) => return Problem::bug(error).into_response(),
         };
-        match self.packed(text.clone()).await {
-            Ok(packed) => {
+        let packed = self.packed(text.clone()).await;
+        match &packed {
+            Ok(_) => {
                 head.headers.insert(CONTENT_ENCODING, HeaderValue::from_static(name));
                 head.headers.remove(CONTENT_LENGTH);
-                Response::from_parts(head, packed.into())
             }
-            Err(error) => {
-                tracing::error!(%error, "cannot compress an answer");
-                Response::from_parts(head, text.into())
-            }
+            Err(error) => tracing::error!(%error, "cannot compress an answer"),
         }
+        Response::from_parts(head, packed.unwrap_or(text).into())
     }
 
     /// Compresses a text quickly. A long text is compressed on a blocking thread.
