@@ -143,15 +143,11 @@ async fn answer(
     };
     if view.records && part == Part::Whole {
         let parts = "/history, /profiles and /loops";
-        query.complain(
-            "layout",
-            format!("must be \"columns\" for a whole result; only {parts} have records"),
-        );
+        let detail = format!("must be \"columns\" for a whole result; only {parts} have records");
+        query.complain("layout", detail);
     } else if view.records && format.is_some_and(|format| format != Format::Json) {
-        query.complain(
-            "layout",
-            "applies only to JSON. Remove it: the other formats have one layout",
-        );
+        let detail = "applies only to JSON. Remove it: the other formats have one layout";
+        query.complain("layout", detail);
     }
     if view.without_comments && format.is_some_and(|format| format != Format::Csv) {
         query.complain("comments", "applies only to CSV. Add format=csv, or remove it");

@@ -53,15 +53,12 @@ pub static EXAMPLES: &[Example] = examples!(
 impl From<BadBody> for Problem {
     fn from(bad: BadBody) -> Self {
         let advice = "Send one JSON document, such as those under /v1/examples.";
-        match bad {
-            BadBody::Json(error) => {
-                Self::new(&kinds::INVALID_JSON, format!("The body is not JSON: {error}. {advice}"))
-            }
-            BadBody::Empty => {
-                Self::new(&kinds::INVALID_JSON, format!("The body is empty. {advice}"))
-            }
-            BadBody::Faults(faults) => Self::faults(faults),
-        }
+        let detail = match bad {
+            BadBody::Json(error) => format!("The body is not JSON: {error}. {advice}"),
+            BadBody::Empty => format!("The body is empty. {advice}"),
+            BadBody::Faults(faults) => return Self::faults(faults),
+        };
+        Self::new(&kinds::INVALID_JSON, detail)
     }
 }
 

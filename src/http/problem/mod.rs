@@ -146,10 +146,8 @@ impl Problem {
 
     /// The problem for a bug of the server. Its cause is in the log, not in the answer.
     pub fn internal() -> Self {
-        Self::new(
-            &kinds::INTERNAL,
-            "The server has a bug. Its log contains the details: search it for the `instance` of this problem.",
-        )
+        let detail = "The server has a bug. Its log contains the details: search it for the `instance` of this problem.";
+        Self::new(&kinds::INTERNAL, detail)
     }
 
     /// The problem for an error that only a bug of the server can cause.

@@ -194,10 +194,9 @@ impl<S: Send + Sync> FromRequestParts<S> for Segment {
 /// Reads the key in an address.
 pub fn read_key(text: &str) -> Result<Key> {
     text.parse().map_err(|bad: BadKey| {
-        Problem::new(
-            &kinds::UNKNOWN_RESULT,
-            format!("This is not the key of a result, which the `key` of a job is: {bad}."),
-        )
+        let detail =
+            format!("This is not the key of a result, which the `key` of a job is: {bad}.");
+        Problem::new(&kinds::UNKNOWN_RESULT, detail)
     })
 }
 
