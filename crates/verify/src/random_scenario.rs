@@ -65,13 +65,13 @@ const REACH: f64 = 0.02;
 
 /// A random scenario of the exact method.
 pub struct RandomScenario {
-    /// One of [`HELD`].
+    /// One of `HELD`.
     pub held: &'static str,
-    /// One of [`MODES`].
+    /// One of `MODES`.
     pub mode: &'static str,
-    /// One of [`SHAPES`].
+    /// One of `SHAPES`.
     pub shape: &'static str,
-    /// One of [`COEFFICIENTS`].
+    /// One of `COEFFICIENTS`.
     pub coefficients: &'static str,
     /// Whether the ring that slips is at most 0.05 contact radii wide at the stick ratio of the scenario.
     pub is_thin: bool,
