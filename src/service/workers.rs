@@ -363,11 +363,10 @@ impl Worker {
         while self.order() == WorkerOrder::Work && !self.parking.has_parked() {
             let wait = match self.store.claim().await {
                 Ok(Some(claimed)) => return Some(claimed),
-                Ok(None) => {
+                Ok(None) | Err(Error::Closed) => {
                     pause = PAUSE.0;
                     POLL
                 }
-                Err(Error::Closed) => return None,
                 Err(error) => {
                     tracing::error!(error = &error as &dyn std::error::Error, "cannot claim a run");
                     pause = PAUSE.1.min(pause * 2);

@@ -132,33 +132,33 @@ impl Worker {
     fn make_way(&self, claimed: &Claimed, piece: &Parkable<'_>, below: u64) {
         let usage = |owner: &str| self.store.usage(owner);
         let has_room = self.parking.reserve(piece);
-        let is_parked = has_room && self.park_for_others(claimed, piece, below);
-        if !is_parked && (has_room || piece.waits) {
+        if !(has_room && self.park_for_others(claimed, piece, below)) {
             self.park(claimed, |goes_on| self.parking.swap(piece, usage, below, goes_on));
         }
-        if has_room {
-            self.parking.release(piece);
-        }
+        self.parking.release(piece);
     }
 
     /// Claims a piece of an owner with a usage below `below`, and parks this one. Returns whether it did. After an error
     /// of the store, this piece goes on.
     fn park_for_others(&self, claimed: &Claimed, piece: &Parkable<'_>, below: u64) -> bool {
         let is_open = || self.order() == WorkerOrder::Work;
-        if !is_open() || !self.parking.may_claim() {
+        let (usage, but) =
+            (|owner: &str| self.store.usage(owner), (!piece.waits).then_some(piece.owner));
+        let owners = self.parking.others(usage, below, but);
+        let below = owners.below;
+        if !is_open() || !self.parking.may_claim(below) {
             return false;
         }
-        let usage = |owner: &str| self.store.usage(owner);
-        let owners = self.parking.others(usage, below, Some(piece.owner));
         let claims = self.runtime.block_on(self.store.claim_up_to(1, owners)).unwrap_or_default();
         if claims.is_empty() {
-            self.parking.found_nothing();
+            self.parking.found_nothing(below);
             return false;
         }
         self.park(claimed, |goes_on| {
             let parked = self.parking.park_for(claims, piece, is_open, goes_on);
             parked.unwrap_or_else(|claims| {
-                self.runtime.block_on(self.release_all(claims));
+                let back = claims.into_iter().map(|claimed| (claimed, Err(NotMade::Interrupted)));
+                self.runtime.block_on(self.settle_each(&back.collect::<Vec<_>>()));
                 true
             })
         });

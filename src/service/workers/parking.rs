@@ -47,8 +47,8 @@ struct State {
     handed: VecDeque<Vec<Claimed>>,
     /// Whether the result of a study is being made.
     assembling: bool,
-    /// When a claim for others last found nothing.
-    futile: Option<Instant>,
+    /// When a claim for owners below a usage last found nothing, and this usage.
+    futile: Option<(Instant, u64)>,
     /// The number of the last parked piece.
     last: u64,
 }
@@ -56,6 +56,7 @@ struct State {
 struct Parked {
     number: u64,
     owner: String,
+    bytes: usize,
     waits: bool,
 }
 
@@ -99,7 +100,7 @@ impl Parking {
             }
             if state.free > 0 {
                 state.free -= 1;
-                if !state.resume(&usage, u64::MAX) {
+                if !state.resume(&usage, u64::MAX, |_| true) {
                     return Some(Vec::new());
                 }
                 self.resuming.notify_all();
@@ -112,7 +113,7 @@ impl Parking {
     /// other one must be woken for a free place.
     pub(super) fn give_place(&self, usage: impl Fn(&str) -> u64) {
         let mut state = self.state.lock();
-        if state.resume(usage, u64::MAX) {
+        if state.resume(usage, u64::MAX, |_| true) {
             self.resuming.notify_all();
         } else {
             state.free += 1;
@@ -137,9 +138,12 @@ impl Parking {
         !self.state.lock().parked.is_empty()
     }
 
-    /// Waits until a piece was parked while this thread or another one had no work.
+    /// Waits until a piece is parked.
     pub(super) async fn parked(&self) {
-        self.parked.notified().await;
+        let parked = self.parked.notified();
+        if !self.has_parked() {
+            parked.await;
+        }
     }
 
     /// Whether each place has work.
@@ -171,35 +175,34 @@ impl Parking {
         Owners { below: least.map_or(below, |least| below.min(least)), except }
     }
 
-    /// Reserves room for a piece that may be parked, until [`release`](Self::release). Returns whether there is room.
+    /// Counts a piece that may be parked, until [`release`](Self::release). Returns whether there is room for one more.
     pub(super) fn reserve(&self, piece: &Parkable<'_>) -> bool {
         let (count, bytes) = &mut self.state.lock().reserved;
-        let has_room = *count < PARKED && *bytes + piece.bytes <= PARKED_BYTES;
-        if has_room {
-            *count += 1;
-            *bytes += piece.bytes;
-        }
-        has_room
+        *count += 1;
+        *bytes += piece.bytes;
+        *count <= PARKED && *bytes <= PARKED_BYTES
     }
 
-    /// Gives reserved room back.
+    /// Ends the count of a piece.
     pub(super) fn release(&self, piece: &Parkable<'_>) {
         let (count, bytes) = &mut self.state.lock().reserved;
         *count -= 1;
         *bytes -= piece.bytes;
     }
 
-    /// Whether a claim for other owners may find something. After a futile one, no thread tries for a slice.
-    pub(super) fn may_claim(&self) -> bool {
-        self.state.lock().futile.is_none_or(|at| at.elapsed() >= SLICE)
+    /// Whether a claim for owners below this usage may find something. After a futile one, no thread tries the same for
+    /// a slice.
+    pub(super) fn may_claim(&self, below: u64) -> bool {
+        let is_new = |(at, tried): (Instant, u64)| below > tried || at.elapsed() >= SLICE;
+        self.state.lock().futile.is_none_or(is_new)
     }
 
-    /// Notes that a claim for other owners has found nothing.
-    pub(super) fn found_nothing(&self) {
-        self.state.lock().futile = Some(Instant::now());
+    /// Notes that a claim for owners below this usage has found nothing.
+    pub(super) fn found_nothing(&self, below: u64) {
+        self.state.lock().futile = Some((Instant::now(), below));
     }
 
-    /// Parks a piece with reserved room, and gives its place to claimed pieces. Returns whether the piece has a place
+    /// Parks a piece that has room, and gives its place to claimed pieces. Returns whether the piece has a place
     /// again; it has none if `goes_on` has become false.
     ///
     /// # Errors
@@ -220,8 +223,8 @@ impl Parking {
         Ok(self.wait(state, piece, goes_on))
     }
 
-    /// Parks a piece, and gives its place to the parked piece with the least usage. Does nothing if this is not below
-    /// `below`. Returns as [`park_for`](Self::park_for).
+    /// Parks a piece, and gives its place to the parked piece of another owner with the least usage. Does nothing if this
+    /// is not below `below`, or if the parked pieces would have too many bytes. Returns as [`park_for`](Self::park_for).
     pub(super) fn swap(
         &self,
         piece: &Parkable<'_>,
@@ -230,7 +233,10 @@ impl Parking {
         goes_on: impl Fn() -> bool,
     ) -> bool {
         let mut state = self.state.lock();
-        if !state.resume(usage, below) {
+        let excess = state.reserved.1.saturating_sub(PARKED_BYTES);
+        let may =
+            |other: &Parked| other.bytes >= excess && (piece.waits || other.owner != piece.owner);
+        if !state.resume(usage, below, may) {
             return true;
         }
         self.resuming.notify_all();
@@ -245,8 +251,8 @@ impl Parking {
     ) -> bool {
         state.last += 1;
         let (number, owner) = (state.last, piece.owner.to_owned());
-        state.parked.push(Parked { number, owner, waits: piece.waits });
-        self.parked.notify_one();
+        state.parked.push(Parked { number, owner, bytes: piece.bytes, waits: piece.waits });
+        self.parked.notify_waiters();
         loop {
             self.resuming.wait_for(&mut state, CHECK);
             let place = state.parked.iter().position(|piece| piece.number == number);
@@ -264,9 +270,15 @@ impl State {
         if piece.waits && self.assembling { LAST } else { usage(&piece.owner) }
     }
 
-    /// Removes the parked piece with the least rank from the list, if it is below `below`. Its thread has the place then.
-    fn resume(&mut self, usage: impl Fn(&str) -> u64, below: u64) -> bool {
-        let parked = self.parked.iter().enumerate();
+    /// Removes the parked piece with the least rank among those that `may` from the list, if it is below `below`. Its
+    /// thread has the place then.
+    fn resume(
+        &mut self,
+        usage: impl Fn(&str) -> u64,
+        below: u64,
+        may: impl Fn(&Parked) -> bool,
+    ) -> bool {
+        let parked = self.parked.iter().enumerate().filter(|(_, piece)| may(piece));
         let next = parked.map(|(place, piece)| (self.rank(piece, &usage), place)).min();
         let next = next.filter(|(rank, _)| *rank < below);
         next.map(|(_, place)| self.parked.remove(place)).is_some()
@@ -376,7 +388,8 @@ mod tests {
     #[test]
     fn parked_pieces_have_limited_bytes_and_are_limited_in_number() {
         let (parking, ada) = (Parking::new(0), piece("ada"));
-        assert_eq!((0..9).filter(|_| parking.reserve(&ada)).count(), 4);
+        assert_eq!((0..5).filter(|_| parking.reserve(&ada)).count(), 4);
+        parking.release(&ada);
         parking.release(&ada);
         assert!(parking.reserve(&ada));
         let (parking, small) = (Parking::new(0), Parkable { bytes: 0, ..piece("ada") });

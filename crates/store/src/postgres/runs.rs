@@ -71,9 +71,6 @@ async fn claim(
     let (dead, now) = (tx.of.signals.tally.dead(), Instant::now());
     if let Some(mut turns) = tx.of.queue.remembered(dead, false) {
         turns.rank(|owner| owners.usage_of(owner, &tx.of.signals.usage, now));
-        if !turns.owners.is_empty() && turns.are_done() {
-            return Ok((Vec::new(), None));
-        }
         let claims = claim_in_turn(tx, &mut turns, *most).await?;
         if !claims.is_empty() || tx.of.queue.remembered(dead, true).is_some() {
             return Ok((claims, Some(turns)));
