@@ -141,7 +141,9 @@ export function saving(name, drawn, table, figure) {
     fill(names, namesOf(figure, list));
     if (focused >= 0) names.querySelectorAll("input")[focused].focus();
   };
-  const menu = h("details", { class: "menu save", ontoggle: () => figure && list() }, h("summary", { "aria-label": `Save ${name()}` }, "Save"), h("div", { class: "sheet" }, names,
+  const menu = h("details", { class: "menu save" },
+    // Not at `toggle`, which comes later: it would replace a field while somebody types.
+    h("summary", { "aria-label": `Save ${name()}`, onclick: () => figure && list() }, "Save"), h("div", { class: "sheet" }, names,
     h("div", { class: "row" }, width, " × ", height, " mm, ", dpi, " dpi"),
     h("div", { class: "row" },
       button("SVG", async () => saveAs(`${name()}.svg`, await drawn(size()), "image/svg+xml")),
