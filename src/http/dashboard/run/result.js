@@ -74,6 +74,8 @@ export async function showResult(main, { id: key, query, signal }) {
   result.warnings.push(...earlier);
   const smoothing = smooth([{ result, link }], signal).then(() => true);
   if (!await Promise.race([smoothing, patience()])) smoothing.then(() => signal.aborted || drawOutput());
+  // Somebody may have left the view meanwhile.
+  signal.throwIfAborted();
   const outputs = result.profiles?.cycles ?? result.history.cycles;
   const state = {
     plot: PROFILES.includes(query.get("plot")) ? query.get("plot") : "worn",
