@@ -17,7 +17,7 @@ use super::canonical::StoredText;
 use super::document::{outline_of, summarize};
 use super::{Canonical, ENGINE, Engine, Key, Outline, ResultDocument, TaskKind};
 use fretwork_json as json;
-use fretwork_study::{Points, Rows, Study};
+use fretwork_study::{Points, RUN_MEMORY, Rows, Study};
 
 /// Something that a worker computes in steps of at most about 50 ms, so that it can be stopped.
 pub trait Work: Send {
@@ -312,9 +312,6 @@ impl Task {
 pub type Begin =
     Arc<dyn Fn(&Key, &str, Option<Prepared>) -> Result<Box<dyn Work>, String> + Send + Sync>;
 
-/// Estimated memory of a simulation without its result, in bytes.
-const RUN: usize = 1 << 20;
-
 /// A simulation in progress.
 struct RunWork {
     key: Key,
@@ -331,7 +328,7 @@ impl Work for RunWork {
     }
 
     fn bytes(&self) -> usize {
-        self.run.1.answer_bytes() + RUN
+        self.run.1.answer_bytes() + RUN_MEMORY
     }
 
     fn so_far(&self) -> Option<History> {

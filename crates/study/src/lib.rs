@@ -38,5 +38,5 @@ pub use rows::Rows;
 use run::Ended;
 pub use run::Run;
 use study::PointRun;
-pub use study::Study;
+pub use study::{RUN_MEMORY, Study};
 use vary::{Values, Varied};

@@ -25,8 +25,8 @@ const VERSION: u32 = 1;
 const CHUNK: f64 = 0.1;
 /// Maximum estimated time of the findings, in seconds. It is limited because they are computed in one step.
 const MAX_FINDINGS: f64 = 5.0;
-/// Estimated memory of the run of a point, in bytes.
-const RUN: usize = 1 << 20;
+/// Estimated memory of a run without its result, in bytes.
+pub const RUN_MEMORY: usize = 1 << 20;
 /// Maximum number of points of a chunk.
 const MAX_CHUNK: usize = 4096;
 /// Minimum and maximum number of sampled points from which the time of all points is estimated.
@@ -207,7 +207,7 @@ impl Study {
     /// Estimated memory of a chunk in progress, of `chunks`, in bytes. A later stage has the rows of all earlier ones.
     pub fn memory_of_chunk(&self, chunks: usize) -> usize {
         let rows = if self.plan.stages().len() > 1 { 1 } else { chunks };
-        self.memory() + self.bytes() / rows + RUN
+        self.memory() + self.bytes() / rows + RUN_MEMORY
     }
 
     /// How many chunks of about 50 ms the study has. If the study has several stages, each chunk is one point.
