@@ -49,9 +49,9 @@ async fn work_until_signal(settings: &Worker, place: &Place) -> Result<(), Error
     let mut signals = ShutdownSignals::new()?;
     let listener = settings.listen.map(|address| listen(address, "--listen")).transpose()?;
     // A worker deletes nothing to free disk space. The servers do that, by their own limits.
-    let store =
-        Store::open(place.clone(), &Options { lease: settings.lease, ..Options::default() })
-            .await?;
+    let (lease, settle) = (settings.lease, settings.crash_pause);
+    let options = Options { lease, settle, ..Options::default() };
+    let store = Store::open(place.clone(), &options).await?;
     let (service, workers) = start(&store, settings.workers, settings.limits())?;
     tracing::info!(%place, workers = service.workers(), "working");
     if let Some(listener) = &listener {

@@ -84,6 +84,9 @@ pub struct Serve {
     /// claim at a third of this time. Only for --database.
     #[arg(long, env = "FRETWORK_LEASE", default_value = "30s", value_name = "TIME", value_parser = lease)]
     pub lease: Duration,
+    /// Time, such as 30s, for which a server must have been up before it computes again a run during which a server died.
+    #[arg(long, env = "FRETWORK_CRASH_PAUSE", default_value = "10s", value_name = "TIME", value_parser = duration)]
+    pub crash_pause: Duration,
     /// Maximum number of jobs in the queue. The last tenth is reserved for owners with few queued
     /// jobs.
     #[arg(long, env = "FRETWORK_QUEUE_LIMIT", default_value = "20000", value_name = "N",
@@ -234,6 +237,7 @@ impl Serve {
             pin_quota: self.pin_quota.as_u64(),
             disk: self.database_disk.clone(),
             lease: self.lease,
+            settle: self.crash_pause,
             ..store::Options::default()
         }
     }

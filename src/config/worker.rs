@@ -31,6 +31,9 @@ pub struct Worker {
     /// claim at a third of this time. Only for --database.
     #[arg(long, env = "FRETWORK_LEASE", default_value = "30s", value_name = "TIME", value_parser = lease)]
     pub lease: Duration,
+    /// Time, such as 30s, for which a server must have been up before it computes again a run during which a server died.
+    #[arg(long, env = "FRETWORK_CRASH_PAUSE", default_value = "10s", value_name = "TIME", value_parser = duration)]
+    pub crash_pause: Duration,
     /// Maximum time of one run, such as 10min or 2h. 0 means no limit.
     #[arg(long, env = "FRETWORK_RUN_LIMIT", default_value = "30min", value_name = "TIME",
         value_parser = duration)]

@@ -91,7 +91,7 @@ class Server:
             free.bind(("127.0.0.1", 0))
             self.port = free.getsockname()[1]
         self.command = [program, "--listen", f"127.0.0.1:{self.port}", "--data-dir", data, *options]
-        self.environment = {"PATH": os.environ["PATH"], "FRETWORK_LOG": "error", **environment}
+        self.environment = {"PATH": os.environ["PATH"], "FRETWORK_LOG": "error", "FRETWORK_CRASH_PAUSE": "0s", **environment}
         self.base = f"http://127.0.0.1:{self.port}"
 
     def __enter__(self):

@@ -112,8 +112,16 @@ def one_sign_in(browser, own):
         expect(place.locator("#friction")).to_have_value(field)
     # The input of one tab is a question in the other one, whose own was discarded.
     page.get_by_role("button", name="Discard it").click()
+    # A request of the other tab that the server refuses during the sign-out asks why no longer.
+    held = []
+    tab.route("**/v1/library*", held.append)
     tab.goto(own.base + "/#/library")
     sign_out(page)
+    until(tab, lambda: held)
+    ended = {"type": "/problems/session-ended", "status": 401, "detail": "The session has ended. Sign in again."}
+    held[0].fulfill(status=401, content_type="application/problem+json", json=ended)
+    expect(tab.locator("#key-reason")).to_have_text(ended["detail"])
+    tab.unroute("**/v1/library*")
     dialog.get_by_role("button", name="Sign out and delete it").click()
     for place in (page, tab):
         place.wait_for_function(f"() => !/0.51[78]/.test({kept})")

@@ -199,11 +199,7 @@ impl Database {
                 Self::Sqlite(copy)
             }
             Self::Postgres(_) => {
-                // The crash counts as separate from the crash before it, as if much time had passed.
-                self.execute(
-                    "UPDATE lease SET expires = 0, node = 'crashed'; UPDATE study SET died = 0",
-                )
-                .await;
+                self.execute("UPDATE lease SET expires = 0, node = 'crashed'").await;
                 self
             }
         }

@@ -51,6 +51,11 @@ impl Program {
         Self::of(serve(dir, &["--workers", workers]))
     }
 
+    /// Starts the program with two workers. It computes no run during which it has died.
+    fn wary(dir: &Path) -> Self {
+        Self::of(serve(dir, &["--workers", "2", "--crash-pause", "1h"]))
+    }
+
     /// Starts the program by a command.
     pub fn start_by(command: Command, dir: &Path) -> Self {
         Self::of(serve_by(command, dir))
@@ -457,6 +462,69 @@ async fn repeated_kills_under_load_lose_no_job_and_change_no_result() {
     no_key_was_completed_twice(dir.path()).await;
     equal_undisturbed_results(results.into_iter().map(|(number, result)| (long(number), result)))
         .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn kills_in_quick_succession_fail_no_run() {
+    let rounds = if env::var_os("FRETWORK_TEST_LONG").is_some() { 100 } else { 2 };
+    let seed = env::var("FRETWORK_TEST_SEED").map_or(1, |seed| seed.parse().unwrap());
+    let (mut dice, mut round, mut met) = (Dice(seed), 0, 0);
+    // More rounds follow if by chance no kill has interrupted a run.
+    while round < rounds || met == 0 {
+        round += 1;
+        let dir = TempDir::new().unwrap();
+        let mut server = Program::wary(dir.path());
+        let bodies: Vec<_> = (0..30).map(long).collect();
+        let ids = join_all(bodies.iter().map(|body| server.submit(body))).await;
+        for _ in 0..3 {
+            // A random pause; nothing depends on its length.
+            tokio::time::sleep(Duration::from_millis(60 + dice.below(940))).await;
+            server.kill();
+            server = Program::wary(dir.path());
+        }
+        server.kill();
+        server = Program::start(dir.path(), "2");
+        for id in &ids {
+            let job = server.ended(id).await;
+            assert_eq!(job["state"], "succeeded", "{job}");
+            let attempt = job["attempt"].as_u64().unwrap();
+            assert!(attempt <= 2, "a run is not lost again while it waits: {job}");
+            met += attempt - 1;
+        }
+        server.end();
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_run_that_kills_the_process_fails_alone() {
+    let dir = TempDir::new().unwrap();
+    let mut server = Program::start(dir.path(), "2");
+    let mut fatal = long(0);
+    fatal["scenario"]["cycles"]["count"] = json!(1000);
+    let fatal = server.submit(&fatal).await;
+    let others: Vec<_> = (1..20).map(long).collect();
+    let others = join_all(others.iter().map(|body| server.submit(body))).await;
+    let mut kills = 0;
+    let failed = loop {
+        let job = server.get(&format!("/v1/jobs/{fatal}")).await.json();
+        match job["state"].as_str().unwrap() {
+            "running" => {
+                // As if the run had ended the process.
+                server.kill();
+                kills += 1;
+                server = Program::start(dir.path(), "2");
+            }
+            "queued" => tokio::task::yield_now().await,
+            _ => break job,
+        }
+    };
+    assert_eq!((failed["state"].as_str(), kills), (Some("failed"), 3), "{failed}");
+    assert_eq!(failed["error"]["type"], "/problems/worker-lost");
+    for id in &others {
+        let job = server.ended(id).await;
+        assert_eq!(job["state"], "succeeded", "{job}");
+    }
+    server.end();
 }
 
 /// This takes more than 5 s, because the server starts ten times, and the fit is computed twice.

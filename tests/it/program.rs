@@ -63,6 +63,7 @@ impl Drop for Running {
 /// Starts a server by a prepared command.
 pub fn serve_by(mut command: Command, dir: &Path) -> (Running, String) {
     command.args(["--listen", "127.0.0.1:0", "--data-dir"]).arg(dir).env("FRETWORK_LOG", "off");
+    command.env("FRETWORK_CRASH_PAUSE", "0s");
     let mut child = Running(command.stdout(Stdio::piped()).spawn().unwrap());
     let mut lines = BufReader::new(child.stdout.as_mut().unwrap()).lines();
     let first = lines.next().unwrap().unwrap();

@@ -66,6 +66,7 @@ async fn a_result_of_any_kind_with_one_altered_digit_is_refused() {
     assert_eq!((done.results, done.sampled, done.unverified), (6, 0, 0), "{done:?}");
     for (key, body) in &results {
         assert!(to.get(&format!("/v1/results/{key}")).await.body == *body);
+        assert_eq!(doubt(&to, key).await, None);
     }
 }
 
@@ -120,6 +121,13 @@ async fn verified(server: &Server, key: &str) -> (Value, Value) {
     (told["imported"]["verified"].clone(), told["imported"]["verified_rows"].clone())
 }
 
+/// The warning that a result is not verified.
+async fn doubt(server: &Server, key: &str) -> Option<String> {
+    let told = server.get(&format!("/v1/results/{key}/warnings")).await.json();
+    let told = told["warnings"].as_array()?.last()?.clone();
+    (told["kind"] == "unverified").then(|| told["detail"].as_str().unwrap().to_owned())
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn an_import_without_time_to_verify_stores_results_whose_tables_are_whole() {
     let (_dir, file, results) = exported(&each_kind()).await;
@@ -144,7 +152,17 @@ async fn an_import_without_time_to_verify_stores_results_whose_tables_are_whole(
     assert_refused(&done, &results[2].0, "column `wear_volume` does not have 6 valid cells");
     assert_refused(&done, &results[3].0, "the file has");
     for place in [0, 4, 5] {
-        assert_eq!(verified(&to, &results[place].0).await, (json!("none"), Value::Null));
+        let key = &results[place].0;
+        assert_eq!(verified(&to, key).await, (json!("none"), Value::Null));
+        let doubt = doubt(&to, key).await.unwrap();
+        assert!(doubt.contains("has not computed it again"), "{doubt}");
+        let report = to.get(&format!("/v1/results/{key}/report")).await.body;
+        assert!(String::from_utf8(report).unwrap().contains("has not computed it again"));
+        // A new job of the result and the same job when it is read again.
+        let job = to.compute(&each_kind()[place]).await.json();
+        assert_eq!(job["warnings"].as_array().unwrap().last().unwrap()["detail"], doubt);
+        let again = to.get(job["links"]["self"].as_str().unwrap()).await.json();
+        assert_eq!((&job["origin"], &again["warnings"]), (&json!("cached"), &job["warnings"]));
     }
 }
 
@@ -163,6 +181,8 @@ async fn random_rows_are_verified_of_a_study_that_takes_too_long() {
     let (word, rows) = verified(&to, &results[0].0).await;
     assert_eq!(word, "rows");
     assert!((1..20_000).contains(&rows.as_u64().unwrap()), "{rows}");
+    let doubt = doubt(&to, &results[0].0).await.unwrap();
+    assert!(doubt.contains(&format!("has computed only {rows} of its rows again")), "{doubt}");
 }
 
 /// Writes a result as another version of the engine would have written it. Returns its key.

@@ -7,6 +7,7 @@ use serde::{Serialize, Serializer};
 use serde_json::Value;
 
 use super::key::Key;
+use super::received::Verified;
 use fretwork_json::{BadWord, words};
 
 /// The id of a job: a UUID of version 7, so that ids sort by time of submission.
@@ -145,6 +146,8 @@ pub struct Job {
     pub summary: Option<Value>,
     /// How its result compares with an earlier one, if its run has computed the result again.
     pub recomputed: Option<Recomputed>,
+    /// How much of its result was computed again, if an import brought the result.
+    pub verified: Option<Verified>,
 }
 
 /// A change of a job's state.

@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use utoipa::ToSchema;
 
 use crate::http::answer::stored::require;
+use crate::http::api::jobs::unverified;
 use crate::http::api::parameters::ResultKey;
 use crate::http::{
     App, Body, Caller, Fresh, NoQuery, Problem, Result, Segment, instant, kinds, read_key,
@@ -218,8 +219,8 @@ pub struct SubmissionWarnings {
 /// Returns the warnings about a result that the result itself does not contain.
 ///
 /// `elastic_mismatch` and `yield` follow from the bodies in the submission that computed it: the key does not contain the
-/// bodies. `earlier_version` says that an earlier version of the engine computed the result, and what was wrong with it. Links
-/// open this address too.
+/// bodies. `earlier_version` says that an earlier version of the engine computed the result, and what was wrong with it,
+/// `unverified` that an import brought it and did not compute it again. Links open this address too.
 #[utoipa::path(get, path = "/v1/results/{key}/warnings", operation_id = "get_warnings", tag = "results",
     params(ResultKey),
     responses(
@@ -228,12 +229,15 @@ pub struct SubmissionWarnings {
 )]
 pub async fn warnings(app: App, key: Segment, _: NoQuery) -> Result<Fresh<SubmissionWarnings>> {
     let key = read_key(&key)?;
-    let warnings = app.store.provenance(&key).await?.ok_or_else(unknown)?.warnings;
+    let provenance = app.store.provenance(&key).await?.ok_or_else(unknown)?;
+    let warnings = provenance.warnings;
     let known = app.store.known(&key).await?.ok_or_else(unknown)?;
     let told = |detail| json!({"kind": "earlier_version", "detail": detail});
     let earlier = earlier::doubt(known.numerics, &known.asked.value).map(told);
+    let unverified = unverified(provenance.imported.and_then(|import| import.verified));
+    let more: Vec<_> = earlier.into_iter().chain(unverified).collect();
     let own = warnings.as_ref().and_then(Value::as_array).into_iter().flatten().cloned();
-    let warnings = if earlier.is_some() { Some(own.chain(earlier).collect()) } else { warnings };
+    let warnings = if more.is_empty() { warnings } else { Some(own.chain(more).collect()) };
     Ok(Fresh(SubmissionWarnings { warnings }))
 }
 

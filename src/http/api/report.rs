@@ -9,6 +9,7 @@ use super::results::either;
 use crate::http::access::LINK_HOLDER;
 use crate::http::answer::representation::refused;
 use crate::http::answer::stored::document;
+use crate::http::api::jobs::unverified;
 use crate::http::api::parameters::ResultKey;
 use crate::http::dashboard::report::{page, policy};
 use crate::http::{
@@ -87,11 +88,15 @@ async fn about(app: &App, caller: &Caller, key: &Key, job: Option<JobId>) -> Res
     let own = jobs.first().map(|job| job.warnings.clone());
     let computing = known.as_ref().and_then(|known| known.warnings.clone());
     let program = known.as_ref().and_then(|known| known.program.as_ref());
+    let imported = known.as_ref().and_then(|known| known.imported.as_ref());
+    let unverified = unverified(imported.and_then(|import| import.verified));
+    let own = own.or(computing).unwrap_or(Value::Null);
+    let own = own.as_array().into_iter().flatten().cloned();
     Ok(About {
         label: jobs.iter().find_map(|job| job.label.clone()),
         submitted: submitted.and_then(|text| serde_json::from_str(&text).ok()),
         computed: known.as_ref().and_then(|known| known.computed).map(instant),
         version: program.map(|program| program.version.clone()),
-        warnings: own.or(computing).unwrap_or(Value::Null),
+        warnings: own.chain(unverified).collect(),
     })
 }

@@ -213,13 +213,17 @@ impl Backbone {
         self.wind_along(&self.with_half(Self::at_half(&self.corners)))
     }
 
-    /// The same loop with this aperture to all digits. A corner is moved so that its area remains W.
+    /// The same loop with this aperture to all digits. Another corner is moved so that its area remains W.
     pub(crate) fn wind_to(&self, aperture: f64) -> Loop {
         let [displacement, most] = self.last();
         let mut corners = self.with_half(0.5 * (displacement - aperture));
         let missing = self.lost - area(&corners);
-        let end = corners.partition_point(|corner| corner[1] < most);
-        if let Some([before, corner, after]) = corners[end.saturating_sub(2)..].first_chunk_mut() {
+        // The last corner before gross slip, but not the point without force.
+        let is_free = |corner: &[f64; 2]| ![0.0, 0.5 * most, most].contains(&corner[1]);
+        let place = corners.iter().rposition(is_free).unwrap_or(0);
+        if let Some([before, corner, after]) = corners[place.saturating_sub(1)..].first_chunk_mut()
+            && place > 0
+        {
             corner[1] += 0.25 * missing / (after[0] - before[0]);
         }
         self.wind_along(&corners)
@@ -308,4 +312,22 @@ fn rests() -> &'static [[f64; ROW_POINTS]] {
             })
             .collect()
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_loop_with_a_given_aperture_has_points_without_force_also_if_few_springs_slip() {
+        // The second spring takes the force from less than half of the maximum to the maximum.
+        let backbone = Backbone::of_cells(0.0, 1e4, &[1.0, 10.0], &[0.2, 0.8], Some(8.1));
+        let wound = backbone.wind_to(9990.0);
+        let points = wound.displacement.iter().zip(&wound.force);
+        let without: Vec<_> = points.filter(|(_, force)| **force == 0.0).collect();
+        assert_eq!(without, [(&9990.0, &0.0), (&-9990.0, &0.0)]);
+        let lines = wound.displacement.windows(2).zip(wound.force.windows(2));
+        let area: f64 = lines.map(|(u, q)| 0.5 * (u[1] - u[0]) * (q[0] + q[1])).sum();
+        assert!((area / (4.0 * 8.1 * 1e4) - 1.0).abs() < 1e-12, "{area}");
+    }
 }

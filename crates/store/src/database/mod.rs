@@ -1,6 +1,7 @@
 //! The tables, as both databases have them: statements, rows, transactions, signals and errors.
 
 pub(crate) mod body;
+pub(crate) mod caution;
 pub(crate) mod change;
 pub(crate) mod error;
 pub(crate) mod options;

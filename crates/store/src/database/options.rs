@@ -27,6 +27,8 @@ pub struct Options {
     pub lease: Duration,
     /// Servers that share a database read the tables again at this interval, even without a notification.
     pub poll: Duration,
+    /// A run during which the process has died waits until the next process has been up for this time.
+    pub settle: Duration,
 }
 
 impl Default for Options {
@@ -40,6 +42,7 @@ impl Default for Options {
             disk: None,
             lease: Duration::from_secs(30),
             poll: Duration::from_secs(5),
+            settle: Duration::ZERO,
         }
     }
 }

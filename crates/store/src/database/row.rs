@@ -14,7 +14,7 @@ use crate::database::body::Body;
 use fretwork_job::{Change, FailureKind, JobId, JobState, Key, Origin, Recomputed, Verified};
 
 /// The id of a run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct RunId(pub(crate) i64);
 
 /// The part of a run that one worker computes: the whole run (`None`), or the piece of a study with this number.

@@ -24,8 +24,8 @@ pub(crate) enum Effect {
     Ended(Key),
     /// A run or a piece of a study can be claimed.
     Queued,
-    /// A worker has claimed this part. The flag tells the worker to stop.
-    Started(RunPart, Stop),
+    /// A worker has claimed this part, which was lost this often. The flag tells the worker to stop.
+    Started { part: RunPart, stop: Stop, lost: u32 },
     /// No worker needs to compute this run any more.
     Unwanted(RunId),
     /// No worker computes this part any more.
@@ -86,7 +86,7 @@ impl Default for Deleted {
 struct Tables {
     /// Each channel counts the ended jobs and runs of its key, and signals every change.
     listeners: HashMap<Key, watch::Sender<u64>>,
-    running: HashMap<RunPart, Stop>,
+    running: HashMap<RunPart, (Stop, u32)>,
     /// The time at which each result was last read. An entry is removed when its time is stored.
     read: HashMap<Key, i64>,
 }
@@ -124,11 +124,11 @@ impl Signals {
                 Effect::Queued => {
                     self.queue.send_modify(|_| {});
                 }
-                Effect::Started(part, stop) => {
-                    tables.running.insert(part, stop);
+                Effect::Started { part, stop, lost } => {
+                    tables.running.insert(part, (stop, lost));
                 }
                 Effect::Unwanted(run) => {
-                    tables.running.retain(|(other, _), stop| {
+                    tables.running.retain(|(other, _), (stop, _)| {
                         let is_wanted = *other != run;
                         if !is_wanted {
                             stop.raise();
@@ -172,7 +172,12 @@ impl Signals {
 
     /// The parts that the workers of this process compute, with the stop flag of each worker.
     pub(crate) fn running(&self) -> Vec<(RunPart, Stop)> {
-        self.tables.lock().running.iter().map(|(part, stop)| (*part, stop.clone())).collect()
+        self.tables.lock().running.iter().map(|(part, (stop, _))| (*part, stop.clone())).collect()
+    }
+
+    /// How often each of these parts was lost.
+    pub(crate) fn losses(&self) -> Vec<u32> {
+        self.tables.lock().running.values().map(|(_, lost)| *lost).collect()
     }
 
     /// Stops workers that have lost their parts. If a worker has claimed such a part again since, that worker goes on.
@@ -180,7 +185,7 @@ impl Signals {
         let mut tables = self.tables.lock();
         for (part, stop) in lost {
             stop.raise();
-            if tables.running.get(part).is_some_and(|latest| Arc::ptr_eq(&latest.0, &stop.0)) {
+            if tables.running.get(part).is_some_and(|(latest, _)| Arc::ptr_eq(&latest.0, &stop.0)) {
                 tables.running.remove(part);
             }
         }
@@ -314,8 +319,11 @@ mod tests {
         let signals = Arc::new(Signals::default());
         let flags: [Stop; 5] = Default::default();
         let [lost, first, second, done, other] = &flags;
-        let started =
-            |run, number, stop: &Stop| Effect::Started((RunId(run), number), stop.clone());
+        let started = |run, number, stop: &Stop| Effect::Started {
+            part: (RunId(run), number),
+            stop: stop.clone(),
+            lost: 0,
+        };
         signals.apply(vec![
             started(1, Some(0), lost),
             started(1, Some(0), first),
@@ -336,9 +344,9 @@ mod tests {
         let signals = Arc::new(Signals::default());
         let part = (RunId(1), None);
         let [lost, next]: [Stop; 2] = Default::default();
-        signals.apply(vec![Effect::Started(part, lost.clone())]);
+        signals.apply(vec![Effect::Started { part, stop: lost.clone(), lost: 0 }]);
         let running = signals.running();
-        signals.apply(vec![Effect::Started(part, next.clone())]);
+        signals.apply(vec![Effect::Started { part, stop: next.clone(), lost: 0 }]);
         signals.stop(&running);
         assert!(lost.is_raised() && !next.is_raised());
         let running = signals.running();

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::time::Duration;
 
 use crate::database::{
-    Body, Columns, Connected, Result, Row, RunId, RunPart, Stop, Tables, read, sql,
+    Body, Columns, Connected, Effect, Result, Row, RunId, RunPart, Stop, Tables, read, sql,
 };
 use fretwork_job::{Cost, Key};
 
@@ -17,6 +17,8 @@ pub struct Claimed {
     pub owner: String,
     /// The number of this attempt to compute the piece, from 1.
     pub attempt: u32,
+    /// How often the process has died during earlier attempts.
+    pub lost: u32,
     /// The key of the result.
     pub key: Key,
     /// What to compute.
@@ -56,7 +58,7 @@ impl Claimed {
     pub(crate) fn whole(run: RunId, owner: String, row: &Row) -> sqlx::Result<Self> {
         let piece = Piece::Whole { task: row.get("task")? };
         let (spent, stop) = (Cost::ZERO, Stop::default());
-        Ok(read!(row => Self { attempt, key, trace; run, owner, piece, spent, stop }))
+        Ok(read!(row => Self { attempt, lost, key, trace; run, owner, piece, spent, stop }))
     }
 
     /// A piece of a study with this number of chunks, read from the row of the study and its run.
@@ -69,7 +71,7 @@ impl Claimed {
     ) -> sqlx::Result<Self> {
         let piece = if number == of { Piece::Assembly { of } } else { Piece::Chunk { number, of } };
         let (spent, stop) = (cost(row)?, Stop::default());
-        Ok(read!(row => Self { key, trace; run, owner, attempt, piece, spent, stop }))
+        Ok(read!(row => Self { lost, key, trace; run, owner, attempt, piece, spent, stop }))
     }
 
     /// The task in its stored form.
@@ -88,6 +90,11 @@ impl Claimed {
             Piece::Assembly { of } => Some(of),
         };
         (self.run, number)
+    }
+
+    /// What is signalled after the claim.
+    pub(crate) fn started(&self) -> Effect {
+        Effect::Started { part: self.part(), stop: self.stop.clone(), lost: self.lost }
     }
 
     pub(crate) fn claim(&self) -> Claim {

@@ -98,7 +98,7 @@ pub(crate) fn read_job(row: &Row) -> sqlx::Result<Job> {
     };
     Ok(read!(row => Job {
         id, key, owner, origin, attempt, priority, label, tags, warnings, created, started, finished, changes, summary,
-        recomputed; state, progress, failure
+        recomputed, verified; state, progress, failure
     }))
 }
 
@@ -112,7 +112,7 @@ macro_rules! select_job {
             ["run.progress" |
              "coalesce(lease.progress, least(study.done, study.chunks)::DOUBLE PRECISION / study.chunks,
                   run.progress) AS progress"]
-            ", run.error_kind, run.error, run.recomputed, result.summary
+            ", run.error_kind, run.error, run.recomputed, result.verified, result.summary
              FROM job
              LEFT JOIN run ON run.id = job.run "
             ["" |

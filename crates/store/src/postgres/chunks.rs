@@ -6,6 +6,7 @@
 use super::follow::follow;
 use super::lease;
 use super::transaction::Transaction;
+use crate::database::caution::{Caution, Verdict};
 use crate::database::{Columns, Connected, Effect, Result, RunId, Tables, read, sql};
 use crate::jobs::claimed::{Claim, Claimed, FinishedChunk, Stages, Study, is_step};
 
@@ -43,28 +44,35 @@ async fn store(
     Ok(())
 }
 
-/// Claims a piece of a study: a new chunk; if there is none, a chunk that was released or lost; if there is none, the
-/// assembly. So a chunk that may have caused a crash is computed last. Returns `None` if no piece can be claimed.
+/// Claims a piece of a study: a chunk that was lost; if there is none, a new chunk; if there is none, a chunk that was
+/// released; if there is none, the assembly. Returns why not if it claims none.
 pub(super) async fn claim(
     tx: &mut Transaction<'_>,
     run: RunId,
     owner: &str,
-) -> Result<Option<Claimed>> {
+    caution: Caution,
+) -> Result<std::result::Result<Claimed, Verdict>> {
     let Some(before) = lock(tx, run).await?.filter(Study::is_ready) else {
-        return Ok(None);
+        return Ok(Err(Verdict::PassesOver));
     };
     let query = sql!(
         "SELECT state, key, trace, wall, cpu, (
              SELECT number FROM chunk WHERE chunk.run = $1 AND chunk.state = 'queued'
-             ORDER BY chunk.lost, number LIMIT 1) AS waiting
+             ORDER BY chunk.lost DESC, number LIMIT 1) AS waiting,
+             coalesce((SELECT max(lost) FROM chunk WHERE chunk.run = $1 AND chunk.state = 'queued'), 0) AS lost
          FROM run JOIN study ON study.run = run.id
          WHERE run.id = $1 AND state <> 'canceling' AND finished IS NULL";
         run
     );
-    let Some(row) = tx.db.row(query).await? else { return Ok(None) };
+    let Some(row) = tx.db.row(query).await? else { return Ok(Err(Verdict::PassesOver)) };
+    let lost = row.get("lost")?;
+    match caution.on(lost) {
+        Verdict::Claims => {}
+        other => return Ok(Err(other)),
+    }
     let mut after = before.clone();
     let number = match row.get("waiting")? {
-        Some(waiting) if before.next >= before.chunks || !before.is_next_ready() => {
+        Some(waiting) if lost > 0 || before.next >= before.chunks || !before.is_next_ready() => {
             after.queued -= 1;
             waiting
         }
@@ -86,7 +94,7 @@ pub(super) async fn claim(
         tx.effects.push(Effect::Changed(row.get("key")?));
     }
     store(tx, run, (&before, &after)).await?;
-    Ok(Some(Claimed::piece(
+    Ok(Ok(Claimed::piece(
         run,
         owner.to_owned(),
         (number, before.chunks),
@@ -124,7 +132,7 @@ pub(crate) async fn finish_chunk(
     }
     let after = Study { running: before.running - 1, ..before.clone() };
     let query = sql!(
-        "UPDATE study SET lost = 0, wall = wall + $2, cpu = cpu + $3 WHERE run = $1";
+        "UPDATE study SET wall = wall + $2, cpu = cpu + $3 WHERE run = $1";
         run, cost.wall.as_secs_f64(), cost.cpu.map(|cpu| cpu.as_secs_f64())
     );
     tx.db.execute(query).await?;
@@ -164,8 +172,7 @@ pub(super) async fn release(
     Ok(true)
 }
 
-/// Queues pieces again after their leases expired. Returns the larger one of two numbers: how often one of these pieces
-/// was lost, and how often the study has lost pieces since its last finished chunk.
+/// Queues pieces again after their leases expired. Returns how often one of these pieces was lost.
 pub(super) async fn lose(
     tx: &mut Transaction<'_>,
     run: RunId,
@@ -175,18 +182,10 @@ pub(super) async fn lose(
     let lost = sqlx::query(
         "WITH requeued AS (
              UPDATE chunk SET state = 'queued' WHERE run = $1 AND number = ANY ($2) AND state = 'running'
-             RETURNING lost
-         ), counted AS (
-             UPDATE study SET lost = lost + 1, died = moment()
-             WHERE run = $1 AND (died IS NULL OR NOT died BETWEEN moment() - $3 AND moment() + $3) RETURNING lost)
-         SELECT (SELECT count(*) FROM requeued) AS pieces,
-             coalesce(greatest((SELECT max(lost) FROM requeued), (SELECT lost FROM counted)), 0) AS most",
-    )
-    .bind(run.0)
-    .bind(pieces)
-    .bind(lease::milliseconds(tx.of.node.lease))
-    .fetch_one(tx.db.connection())
-    .await?;
+             RETURNING lost)
+         SELECT count(*) AS pieces, coalesce(max(lost), 0) AS most FROM requeued",
+    );
+    let lost = lost.bind(run.0).bind(pieces).fetch_one(tx.db.connection()).await?;
     let pieces: u32 = lost.get("pieces")?;
     let after = Study {
         running: before.running - pieces,

@@ -35,7 +35,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
-use tokio::sync::{Semaphore, watch};
+use tokio::sync::{Mutex, Semaphore, watch};
 use tokio::time::timeout;
 
 use crate::database::{
@@ -82,6 +82,10 @@ struct Parts {
     node: Node,
     backlog: Backlog,
     queue: Queue,
+    /// Locked by a claim that may take a part that was lost.
+    claiming_lost: Mutex<()>,
+    /// From when on such a part may be claimed.
+    settled: Instant,
     /// The name of the database for messages, without the password.
     name: String,
     /// The reason why this program may no longer write the tables, if there is one: a later version of the program has

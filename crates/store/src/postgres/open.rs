@@ -1,10 +1,11 @@
 //! Connects to the database, migrates it, and starts the tasks in the background.
 
 use std::sync::{Arc, OnceLock};
+use std::time::Instant;
 
 use sqlx::postgres::PgConnection;
 use sqlx::{ConnectOptions as _, Connection as _};
-use tokio::sync::{Semaphore, watch};
+use tokio::sync::{Mutex, Semaphore, watch};
 
 use super::backlog::Backlog;
 use super::contact::Contact;
@@ -44,6 +45,8 @@ impl Database {
             node: Node { id: JobId::generate().to_string(), program, lease },
             backlog: Backlog::new(queue_limit),
             queue: Queue::default(),
+            claiming_lost: Mutex::default(),
+            settled: Instant::now() + options.settle,
             name: url.to_string(),
             refusal: OnceLock::new(),
             disk: options.disk.clone(),

@@ -69,6 +69,11 @@ impl Turns {
         }
     }
 
+    /// Leaves out all owners.
+    pub(super) fn end(&mut self) {
+        self.owners.iter_mut().for_each(|waiting| waiting.is_done = true);
+    }
+
     /// Whether all owners are left out.
     pub(super) fn are_done(&self) -> bool {
         self.owners.iter().all(|waiting| waiting.is_done)

@@ -16,6 +16,7 @@ use super::follow::{ended_by, follow};
 use super::lease;
 use super::queue::{Turns, Waiting};
 use super::transaction::{Transaction, reading};
+use crate::database::caution::{Caution, Verdict};
 use crate::database::usage::Owners;
 use crate::database::{
     Columns, Connected, Effect, Ending, MAX_LOST, Recovered, Result, Row, RunId, Statement, Tables,
@@ -36,7 +37,14 @@ impl Database {
 
     /// Claims up to `most` queued runs, or a piece of a study, of these owners.
     pub(crate) async fn claim(&self, most: usize, owners: Owners) -> Result<Vec<Claimed>> {
-        let (claims, turns) = self.write(claim, (most, owners)).await?;
+        // Of several claims at the same time, one may take a part that was lost.
+        let guard = self.0.claiming_lost.try_lock();
+        let is_settled = guard.is_ok() && Instant::now() >= self.0.settled;
+        let caution = Caution::of(is_settled, self.0.signals.losses().into_iter());
+        if caution.on(0) == Verdict::Waits {
+            return Ok(Vec::new());
+        }
+        let (claims, turns) = self.write(claim, (most, owners, caution)).await?;
         if let Some(turns) = turns {
             self.0.queue.remember(turns);
         }
@@ -65,13 +73,13 @@ impl Database {
 
 /// Claims up to `most` runs, or one piece of a study. Returns what the server must remember after the commit.
 async fn claim(
-    (most, owners): &(usize, Owners),
+    (most, owners, caution): &(usize, Owners, Caution),
     tx: &mut Transaction<'_>,
 ) -> Result<(Vec<Claimed>, Option<Turns>)> {
     let (dead, now) = (tx.of.signals.tally.dead(), Instant::now());
     if let Some(mut turns) = tx.of.queue.remembered(dead, false) {
         turns.rank(|owner| owners.usage_of(owner, &tx.of.signals.usage, now));
-        let claims = claim_in_turn(tx, &mut turns, *most).await?;
+        let claims = claim_in_turn(tx, &mut turns, *most, *caution).await?;
         if !claims.is_empty() || tx.of.queue.remembered(dead, true).is_some() {
             return Ok((claims, Some(turns)));
         }
@@ -81,7 +89,7 @@ async fn claim(
         let mut turns = tx.of.queue.read(&mut tx.db).await?;
         turns.rank(|owner| owners.usage_of(owner, &tx.of.signals.usage, now));
         let nobody_waits = turns.are_done();
-        found.0 = claim_in_turn(tx, &mut turns, *most).await?;
+        found.0 = claim_in_turn(tx, &mut turns, *most, *caution).await?;
         let is_over = nobody_waits || !found.0.is_empty();
         found.1 = Some(turns);
         if is_over {
@@ -95,9 +103,10 @@ async fn claim_in_turn(
     tx: &mut Transaction<'_>,
     turns: &mut Turns,
     most: usize,
+    caution: Caution,
 ) -> Result<Vec<Claimed>> {
     let mut claims: Vec<Claimed> = Vec::new();
-    let is_alone = |claimed: &Claimed| claimed.part().1.is_some() || claimed.attempt > 1;
+    let is_alone = |claimed: &Claimed| claimed.part().1.is_some() || claimed.lost > 0;
     while claims.len() < most && !claims.iter().any(is_alone) {
         let shares = turns.shares(most - claims.len());
         if shares.is_empty() {
@@ -105,7 +114,11 @@ async fn claim_in_turn(
         }
         for (place, share) in shares {
             let owner = &mut turns.owners[place];
-            let found = claim_of(tx, owner, share, claims.is_empty()).await?;
+            let limits = (share, claims.is_empty());
+            let Some(found) = claim_of(tx, owner, limits, caution).await? else {
+                turns.end();
+                break;
+            };
             owner.running += found.len() as u64;
             claims.extend(found);
             if claims.iter().any(is_alone) {
@@ -114,19 +127,19 @@ async fn claim_in_turn(
         }
     }
     for claimed in &claims {
-        tx.effects.push(Effect::Started(claimed.part(), claimed.stop.clone()));
+        tx.effects.push(claimed.started());
     }
     Ok(claims)
 }
 
 /// Claims up to `most` of the most urgent runs of an owner. A piece of a study, or a run that was lost, is claimed alone, if
-/// `is_first` is true.
+/// `is_first` is true. Returns `None` if the claim must wait for a part that must run alone.
 async fn claim_of(
     tx: &mut Transaction<'_>,
     waiting: &mut Waiting,
-    most: usize,
-    is_first: bool,
-) -> Result<Vec<Claimed>> {
+    (most, is_first): (usize, bool),
+    caution: Caution,
+) -> Result<Option<Vec<Claimed>>> {
     let next = sqlx::query(
         "SELECT next.* FROM unnest($3::BYTEA[]) WITH ORDINALITY AS place (first, number) CROSS JOIN LATERAL (
              (SELECT run, study, priority FROM job WHERE claimable = $1 AND owner = $2 AND priority = number - 1
@@ -142,9 +155,17 @@ async fn claim_of(
     for next in next.fetch_all(tx.db.connection()).await? {
         let next = Row::Postgres(next);
         if !next.get::<bool>("study")? {
-            claims = claim_whole(tx, waiting, next.get("priority")?, (most, is_first)).await?;
+            let limits = (most, is_first, caution);
+            match claim_whole(tx, waiting, next.get("priority")?, limits).await? {
+                Some(found) => claims = found,
+                None => return Ok(None),
+            }
         } else if is_first {
-            claims.extend(chunks::claim(tx, RunId(next.get("run")?), &waiting.owner).await?);
+            match chunks::claim(tx, RunId(next.get("run")?), &waiting.owner, caution).await? {
+                Ok(claimed) => claims.push(claimed),
+                Err(Verdict::Waits) => return Ok(None),
+                Err(_) => {}
+            }
         } else {
             break;
         }
@@ -154,21 +175,21 @@ async fn claim_of(
     }
     waiting.is_done = claims.is_empty();
     lease::begin(tx, &waiting.owner, &claims).await?;
-    Ok(claims)
+    Ok(Some(claims))
 }
 
-/// Claims up to `most` queued runs of an owner and a priority, which are not studies.
+/// Claims up to `most` queued runs of an owner and a priority, which are not studies. Returns as [`claim_of`].
 async fn claim_whole(
     tx: &mut Transaction<'_>,
     waiting: &mut Waiting,
     priority: u8,
-    (most, is_first): (usize, bool),
-) -> Result<Vec<Claimed>> {
+    (most, is_first, caution): (usize, bool, Caution),
+) -> Result<Option<Vec<Claimed>>> {
     // The limit is a part of the text, because it decides the plan of the query. There are few different ones.
     let query = format!(
         "SELECT run.id AS run, lost, job.id AS job FROM job JOIN run ON run.id = job.run
          WHERE claimable = $1 AND job.owner = $2 AND priority = $3 AND NOT study AND job.id >= $4
-             AND run.state NOT IN ('running', 'canceling') AND run.finished IS NULL
+             AND run.state NOT IN ('running', 'canceling') AND run.finished IS NULL AND (lost = 0 OR $5)
          ORDER BY job.id LIMIT {} FOR NO KEY UPDATE OF run SKIP LOCKED",
         1 << most.ilog2()
     );
@@ -177,13 +198,18 @@ async fn claim_whole(
         .with(ENGINE.numerics)
         .with(&waiting.owner)
         .with(priority)
-        .with(&*place);
+        .with(&*place)
+        .with(caution.on(1) != Verdict::PassesOver);
     let (mut runs, mut last) = (Vec::new(), None);
     for row in tx.db.rows(query).await? {
         // A run that was lost may have killed its node. It is claimed alone, so that it takes no other run with it.
-        let was_lost = row.get::<u32>("lost")? > 0;
+        let lost = row.get("lost")?;
+        let was_lost = lost > 0;
         if was_lost && !(runs.is_empty() && is_first) {
             break;
+        }
+        if caution.on(lost) == Verdict::Waits {
+            return Ok(None);
         }
         runs.push(row.get::<i64>("run")?);
         last = Some(row.get::<Vec<u8>>("job")?);
@@ -191,12 +217,12 @@ async fn claim_whole(
             break;
         }
     }
-    let Some(last) = last else { return Ok(Vec::new()) };
+    let Some(last) = last else { return Ok(Some(Vec::new())) };
     *place = last;
     let rows = sqlx::query(
         "UPDATE run SET state = 'running', attempt = attempt + 1, lost = lost + 1, progress = 0,
              started = moment(), changed = moment()
-         WHERE id = ANY ($1) RETURNING id, attempt, key, task, trace",
+         WHERE id = ANY ($1) RETURNING id, attempt, lost - 1 AS lost, key, task, trace",
     );
     let mut claims = Vec::new();
     for row in rows.bind(&runs).fetch_all(tx.db.connection()).await? {
@@ -207,7 +233,7 @@ async fn claim_whole(
     }
     claims.sort_by_key(|claimed| runs.iter().position(|run| *run == claimed.run.0));
     follow(tx, &runs).await?;
-    Ok(claims)
+    Ok(Some(claims))
 }
 
 pub(crate) async fn progress(

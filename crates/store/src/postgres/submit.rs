@@ -194,7 +194,8 @@ async fn insert_row(tx: &mut Transaction<'_>, new: &NewJob, place: &ResultSource
              coalesce((SELECT progress FROM lease WHERE lease.run = job.run AND number = -1),
                  (SELECT least(done, chunks)::DOUBLE PRECISION / chunks FROM study WHERE study.run = job.run),
                  0) AS progress,
-             (SELECT summary FROM result WHERE result.key = job.key AND job.state = 'succeeded') AS summary";
+             (SELECT summary FROM result WHERE result.key = job.key AND job.state = 'succeeded') AS summary,
+             (SELECT verified FROM result WHERE result.key = job.key AND job.state = 'succeeded') AS verified";
         job.id, &job.owner, job.key, run, state.as_str(), attempt, origin.as_str(), job.label.as_ref(), json(&new.tags),
         json(&new.warnings), job.priority, repeatable.map(|repeatable| &repeatable.key),
         repeatable.map(|repeatable| &repeatable.fingerprint), job.submitted.as_ref(), job.chunks.is_some(), began

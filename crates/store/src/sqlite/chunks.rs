@@ -7,19 +7,20 @@ use super::transaction::Transaction;
 use crate::database::{Columns, Connected, Effect, Result, RunId, Tables, sql};
 use crate::jobs::claimed::{Claim, Claimed, FinishedChunk, is_step};
 
-/// Claims a piece of a study: a new chunk of this stage; if there is none, a chunk that was released or lost; if there is none, the
-/// assembly. So a chunk that may have caused a crash is computed last.
+/// Claims a piece of a study: the chunk that was lost; if there is none, a new chunk of this stage; if there is none, a
+/// chunk that was released; if there is none, the assembly.
 pub(super) async fn claim(run: RunId, owner: String, tx: &mut Transaction) -> Result<Claimed> {
+    let (lost, times) = tx.queue.lost_part(run).unwrap_or_default();
     // If no piece can be claimed, the number is null. Then the constraint of the table makes this an error.
     let query = sql!(
         "INSERT INTO chunk (run, number, state, attempt)
-         SELECT $1, CASE WHEN next < chunks AND NOT (
+         SELECT $1, CASE WHEN $2 IS NOT NULL THEN $2 WHEN next < chunks AND NOT (
                  ',' || stages || ',' LIKE '%,' || next || ',%'
                  AND EXISTS (SELECT 1 FROM chunk WHERE run = $1 AND state <> 'done')
              ) THEN next ELSE coalesce(
                  (SELECT number FROM chunk
                   WHERE run = $1 AND state = 'queued' AND state <> 'done'
-                  ORDER BY lost, number LIMIT 1),
+                  ORDER BY number LIMIT 1),
                  (SELECT chunks WHERE next = chunks AND NOT EXISTS (
                       SELECT 1 FROM chunk WHERE run = $1 AND state <> 'done'))
              ) END, 'running', 1
@@ -28,7 +29,7 @@ pub(super) async fn claim(run: RunId, owner: String, tx: &mut Transaction) -> Re
          WHERE TRUE
          ON CONFLICT (run, number) DO UPDATE SET state = 'running', attempt = attempt + 1
          RETURNING number, attempt";
-        run
+        run, lost
     );
     let row = tx.db.one(query).await?;
     let (number, attempt): (u32, u32) = (row.get("number")?, row.get("attempt")?);
@@ -36,8 +37,8 @@ pub(super) async fn claim(run: RunId, owner: String, tx: &mut Transaction) -> Re
         start(run, tx).await?;
     }
     let query = sql!(
-        "SELECT key, trace, chunks, wall, cpu FROM run JOIN study ON study.run = run.id WHERE id = $1";
-        run
+        "SELECT $2 AS lost, key, trace, chunks, wall, cpu FROM run JOIN study ON study.run = run.id WHERE id = $1";
+        run, times
     );
     let row = tx.db.one(query).await?;
     Ok(Claimed::piece(run, owner, (number, row.get("chunks")?), attempt, &row)?)
@@ -73,7 +74,6 @@ pub(crate) async fn finish_chunk(
     );
     let Some(row) = tx.db.row(update).await? else { return Ok(false) };
     let (chunks, done) = (row.get("chunks")?, row.get("done")?);
-    tx.db.execute(sql!("UPDATE run SET lost = 0 WHERE id = $1 AND lost > 0"; run)).await?;
     let more_is_ready = tx.queue.done(run, number);
     tx.effects.push(Effect::LetGo((run, Some(number))));
     if more_is_ready {
@@ -113,13 +113,6 @@ pub(super) async fn release(
 
 /// Queues the pieces again that the last process left running in unfinished studies. Returns their number.
 pub(super) async fn recover(tx: &mut Transaction) -> Result<u64> {
-    // The study also counts its crashes since its last finished chunk. So a study of which every chunk crashes the
-    // process fails soon.
-    let query = sql!(
-        "UPDATE run SET lost = lost + 1 WHERE finished IS NULL AND id IN (
-             SELECT run FROM chunk WHERE state = 'running' AND state <> 'done')"
-    );
-    tx.db.execute(query).await?;
     let requeue = sql!(
         "UPDATE chunk SET state = 'queued', lost = lost + 1
          WHERE state = 'running' AND state <> 'done'

@@ -17,6 +17,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use sqlx::SqliteConnection;
 
+use crate::database::caution::{Caution, Verdict};
 use crate::database::{Columns as _, Result, RunId, RunPart, Tables as _, read, sql};
 use crate::jobs::claimed::{Stages, Study};
 use fretwork_job::JobId;
@@ -34,6 +35,8 @@ pub(super) struct Queue {
     studies: HashMap<RunId, Study>,
     /// The owner in whose turn each running part was claimed.
     working: HashMap<RunPart, String>,
+    /// How often each unfinished part was lost, if it was.
+    lost: BTreeMap<RunPart, u32>,
     turns: u64,
     /// The number of jobs that wait for a worker.
     pub(super) jobs: usize,
@@ -76,6 +79,16 @@ impl Queue {
         ));
         for row in running.await? {
             queue.begin((RunId(row.get("run")?), row.get("number")?), row.get("owner")?);
+        }
+        let lost = db.rows(sql!(
+            "SELECT id AS run, NULL AS number, lost FROM run INDEXED BY run_unfinished
+             WHERE finished IS NULL AND lost > 0 AND id NOT IN (SELECT run FROM study)
+             UNION ALL
+             SELECT run, number, lost FROM chunk
+             WHERE lost > 0 AND state <> 'done' AND run IN (SELECT id FROM run WHERE finished IS NULL)"
+        ));
+        for row in lost.await? {
+            queue.lost.insert((RunId(row.get("run")?), row.get("number")?), row.get("lost")?);
         }
         let waiting = db.rows(sql!(
             "SELECT job.run, job.owner, job.priority, job.id
@@ -140,13 +153,30 @@ impl Queue {
     }
 
     /// The next run, and the owner whose turn it is. Owners without a `usage` are left out.
-    pub(super) fn next(&self, usage: impl Fn(&str) -> Option<u64>) -> Option<(RunId, String)> {
+    pub(super) fn next(
+        &self,
+        usage: impl Fn(&str) -> Option<u64>,
+        is_settled: bool,
+    ) -> Option<(RunId, String)> {
+        let running = self.working.keys().map(|part| self.lost.get(part).copied().unwrap_or(0));
+        let caution = Caution::of(is_settled, running);
+        let verdict = |run| caution.on(self.lost_part(run).map_or(0, |(_, lost)| lost));
         let waiting = self.lanes.iter().filter_map(|(owner, lane)| {
-            let ((.., oldest), run) = lane.waiting.first_key_value()?;
-            Some(((usage(owner)?, lane.working, lane.served, *oldest), owner, *run))
+            let usage = usage(owner)?;
+            let may = |(_, run): &(_, &RunId)| verdict(**run) != Verdict::PassesOver;
+            let ((.., oldest), run) = lane.waiting.iter().find(may)?;
+            Some(((usage, lane.working, lane.served, *oldest), owner, *run))
         });
         let (_, owner, run) = waiting.min_by_key(|(turn, ..)| *turn)?;
-        Some((run, owner.clone()))
+        (verdict(run) == Verdict::Claims).then(|| (run, owner.clone()))
+    }
+
+    /// The first waiting part of a run that was lost, and how often. Of a study, this part comes first.
+    pub(super) fn lost_part(&self, run: RunId) -> Option<(Option<u32>, u32)> {
+        let mut parts = self.lost.range((run, None)..=(run, Some(u32::MAX)));
+        parts
+            .find(|(part, _)| !self.working.contains_key(part))
+            .map(|((_, number), lost)| (*number, *lost))
     }
 
     /// Records that the next part was claimed in the turn of this owner. The part is running from now on.
@@ -187,6 +217,7 @@ impl Queue {
     pub(super) fn done(&mut self, run: RunId, number: u32) -> bool {
         let is_ready = |queue: &Self| queue.studies.get(&run).is_some_and(Study::is_ready);
         let was_ready = is_ready(self);
+        self.lost.remove(&(run, Some(number)));
         self.rest((run, Some(number)));
         self.change(run, |study| study.running -= 1);
         is_ready(self) && !was_ready
@@ -205,6 +236,7 @@ impl Queue {
     pub(super) fn end(&mut self, run: RunId) {
         self.remove(run);
         self.studies.remove(&run);
+        self.lost.retain(|(other, _), _| *other != run);
         let running = self.working.keys().filter(|(other, _)| *other == run);
         for part in running.copied().collect::<Vec<_>>() {
             self.rest(part);
@@ -300,7 +332,7 @@ mod tests {
 
     /// Takes the next run, or the next piece of a study that was never claimed.
     fn take(queue: &mut Queue) -> Option<RunPart> {
-        let (run, owner) = queue.next(|_| Some(0))?;
+        let (run, owner) = queue.next(|_| Some(0), true)?;
         let part = (run, queue.studies.get(&run).map(|study| study.next));
         queue.take(part, owner);
         Some(part)
@@ -320,11 +352,12 @@ mod tests {
     }
 
     fn is_empty(queue: &Queue) -> bool {
-        let Queue { lanes, places, studies, working, turns: _, jobs } = queue;
+        let Queue { lanes, places, studies, working, lost, turns: _, jobs } = queue;
         lanes.is_empty()
             && places.is_empty()
             && studies.is_empty()
             && working.is_empty()
+            && lost.is_empty()
             && *jobs == 0
     }
 
@@ -371,10 +404,10 @@ mod tests {
     fn the_owner_for_whom_least_was_computed_comes_first() {
         let (mut queue, _) = queue(&[("ada", 1, 3), ("bob", 2, 3)]);
         let usage = |owner: &str| Some(if owner == "ada" { 5 } else { 3 });
-        assert_eq!(queue.next(|_| None), None);
-        assert_eq!(queue.next(usage), Some((RunId(2), "bob".into())));
+        assert_eq!(queue.next(|_| None, true), None);
+        assert_eq!(queue.next(usage, true), Some((RunId(2), "bob".into())));
         queue.take((RunId(2), None), "bob".into());
-        assert_eq!(queue.next(usage), Some((RunId(1), "ada".into())));
+        assert_eq!(queue.next(usage, true), Some((RunId(1), "ada".into())));
     }
 
     #[test]
@@ -444,13 +477,45 @@ mod tests {
         queue.leave(study, 3, job);
         // Jobs of a study that has begun do not count as queued.
         assert_eq!((queue.waiting_of("ada"), queue.waiting_of("bob"), queue.jobs), (0, 1, 0));
-        assert_eq!(queue.next(|_| Some(0)), Some((study, "bob".into())));
+        assert_eq!(queue.next(|_| Some(0), true), Some((study, "bob".into())));
         queue.take((study, Some(0)), "bob".into());
         queue.done(study, 1);
         assert_eq!(take(&mut queue), None, "the assembly waits for all chunks");
         queue.done(study, 0);
         assert_eq!(take(&mut queue), Some((study, Some(2))));
         queue.end(study);
+        assert!(is_empty(&queue));
+    }
+
+    #[test]
+    fn a_part_that_was_lost_waits_and_then_comes_first_in_its_study() {
+        let mut queue = Queue::default();
+        queue.add_study(RunId(1), 3, Stages::default());
+        for (run, owner) in [(1, "ada"), (2, "bob"), (3, "bob")] {
+            queue.add(RunId(run), owner, 3, JobId::generate());
+        }
+        assert_eq!(take(&mut queue), Some((RunId(1), Some(0))));
+        queue.release(RunId(1), 0);
+        queue.lost = BTreeMap::from([((RunId(1), Some(0)), 1), ((RunId(2), None), 2)]);
+        let next = |queue: &Queue, is_settled| queue.next(|_| Some(0), is_settled);
+        assert_eq!(next(&queue, false), Some((RunId(3), "bob".into())));
+        queue.take((RunId(3), None), "bob".into());
+        assert_eq!(next(&queue, true), Some((RunId(1), "ada".into())));
+        assert_eq!(queue.lost_part(RunId(1)), Some((Some(0), 1)));
+        queue.take((RunId(1), Some(0)), "ada".into());
+        // No second part that was lost runs beside the first one, but other pieces do.
+        assert_eq!(take(&mut queue), Some((RunId(1), Some(1))));
+        assert_eq!(take(&mut queue), Some((RunId(1), Some(2))));
+        assert_eq!(take(&mut queue), None);
+        queue.done(RunId(1), 0);
+        assert_eq!(next(&queue, true), None, "a run that must be alone waits");
+        queue.end(RunId(1));
+        queue.end(RunId(3));
+        assert_eq!(take(&mut queue), Some((RunId(2), None)));
+        queue.add(RunId(4), "eve", 0, JobId::generate());
+        assert_eq!(next(&queue, true), None, "a run computes alone");
+        queue.end(RunId(2));
+        queue.end(RunId(4));
         assert!(is_empty(&queue));
     }
 

@@ -37,7 +37,8 @@ async fn claim(
     tx: &mut Transaction,
 ) -> Result<Option<Claimed>> {
     let now = Instant::now();
-    let next = tx.queue.next(|owner| owners.usage_of(owner, &signals.usage, now));
+    let usage = |owner: &str| owners.usage_of(owner, &signals.usage, now);
+    let next = tx.queue.next(usage, now >= tx.settled);
     let Some((run, owner)) = next else { return Ok(None) };
     let claimed = if tx.queue.is_study(run) {
         chunks::claim(run, owner, tx).await?
@@ -45,7 +46,7 @@ async fn claim(
         claim_whole(run, owner, tx).await?
     };
     tx.queue.take(claimed.part(), claimed.owner.clone());
-    tx.effects.push(Effect::Started(claimed.part(), claimed.stop.clone()));
+    tx.effects.push(claimed.started());
     Ok(Some(claimed))
 }
 
@@ -53,7 +54,7 @@ async fn claim_whole(run: RunId, owner: String, tx: &mut Transaction) -> Result<
     let query = sql!(
         "UPDATE run SET state = 'running', attempt = attempt + 1, progress = 0, started = $2,
              changed = $2
-         WHERE id = $1 AND state = 'queued' RETURNING attempt, key, task, trace";
+         WHERE id = $1 AND state = 'queued' RETURNING attempt, lost, key, task, trace";
         run, tx.now
     );
     let claimed = Claimed::whole(run, owner, &tx.db.one(query).await?)?;
@@ -156,7 +157,7 @@ async fn recover((): &(), tx: &mut Transaction) -> Result<Recovered> {
              error_kind = $2, error = $3
          WHERE state = 'running' AND finished IS NULL AND (EXISTS (
              SELECT 1 FROM chunk WHERE chunk.run = run.id AND chunk.state = 'running'
-                 AND chunk.state <> 'done' AND (chunk.lost + 1 >= $4 OR run.lost + 1 >= $4)
+                 AND chunk.state <> 'done' AND chunk.lost + 1 >= $4
          ) OR lost + 1 >= $4 AND id NOT IN (SELECT run FROM study)) RETURNING key";
         tx.now, FailureKind::WorkerLost.as_str(),
         format!("the server died {MAX_LOST} times while it computed this job"), MAX_LOST

@@ -147,7 +147,9 @@ const JOB: &str = "
         changes, NULL AS recomputed,
         (SELECT progress FROM run WHERE run.id = job.run) AS progress,
         iif(state = 'succeeded', (SELECT summary FROM result WHERE result.key = job.key), NULL)
-            AS summary";
+            AS summary,
+        iif(state = 'succeeded', (SELECT verified FROM result WHERE result.key = job.key), NULL)
+            AS verified";
 
 /// Queues a run if the job needs one, and inserts the job. Only the last statement may return a row, because
 /// `fetch_optional` skips all statements after the first row.

@@ -17,7 +17,7 @@ use crate::http::wire::coding::Coding;
 use crate::http::wire::include::{Include, JobMembers, NULL};
 use crate::http::{App, Caller, Problem, Result, instant, kinds, schemas};
 use fretwork_format::{Format, Part, View};
-use fretwork_job::{Failure, Job, JobId, JobState, Key, Origin, Recomputed};
+use fretwork_job::{Failure, Job, JobId, JobState, Key, Origin, Recomputed, Verified};
 use fretwork_store::{self as store, Asked};
 
 /// A job: one submission and its progress.
@@ -65,8 +65,8 @@ pub struct JobAnswer {
     /// stored). Null if the server had none, or if this job has no run.
     #[schema(value_type = Option<schemas::Recomputed>)]
     recomputed: Option<Recomputed>,
-    /// Warnings about the validity of the model, and about a result that differs from an earlier one: a list of `{kind,
-    /// detail}`.
+    /// Warnings about the validity of the model, about a result that differs from an earlier one, and about one that an
+    /// import brought and did not verify: a list of `{kind, detail}`.
     #[schema(value_type = Vec<documents::Warning>)]
     warnings: Value,
     /// Why it failed; null unless it did.
@@ -139,32 +139,52 @@ impl From<Job> for JobAnswer {
             tags: job.tags,
             summary: job.summary,
             recomputed: job.recomputed,
-            warnings: warnings(job.warnings, &job.key, job.recomputed),
+            warnings: warnings(job.warnings, &job.key, job.recomputed, job.verified),
             error: job.failure.map(JobError::from),
             links: Links { this, result, events, cancel },
         }
     }
 }
 
-/// The warnings of a job, with one about a result that differs from an earlier one.
-fn warnings(mut warnings: Value, key: &Key, recomputed: Option<Recomputed>) -> Value {
-    let detail = match recomputed {
-        None | Some(Recomputed::Same) => return warnings,
-        Some(Recomputed::Differs) => format!(
+/// The warnings of a job, with those about the trust in its result.
+fn warnings(
+    mut warnings: Value,
+    key: &Key,
+    recomputed: Option<Recomputed>,
+    verified: Option<Verified>,
+) -> Value {
+    let differs = match recomputed {
+        None | Some(Recomputed::Same) => None,
+        Some(Recomputed::Differs) => Some(format!(
             "The server has computed the result again, and the stored result differs. One of them is wrong. The stored \
              one stays. To replace it, an administrator deletes it (DELETE /v1/results/{key}) and submits its scenario \
              again."
-        ),
-        Some(Recomputed::Replaced) => {
+        )),
+        Some(Recomputed::Replaced) => Some(
             "The result differs from the one that was stored before and has been evicted or \
             deleted. One of them is wrong. The new one is stored."
-                .to_owned()
-        }
+                .to_owned(),
+        ),
     };
+    let differs = differs.map(|detail| json!({"kind": "recompute_differs", "detail": detail}));
     if let Value::Array(list) = &mut warnings {
-        list.push(json!({"kind": "recompute_differs", "detail": detail}));
+        list.extend(differs.into_iter().chain(unverified(verified)));
     }
     warnings
+}
+
+/// A warning about a result that an import has brought and not computed again, or not all of it.
+pub fn unverified(verified: Option<Verified>) -> Option<Value> {
+    let checked = match verified? {
+        Verified::All => return None,
+        Verified::Rows(rows) => format!("has computed only {rows} of its rows again"),
+        Verified::No => "has not computed it again".to_owned(),
+    };
+    let detail = format!(
+        "The result was imported from a file, and this server {checked}. Trust it as much as you trust the file. To verify \
+         it, an administrator deletes it and submits its scenario again."
+    );
+    Some(json!({"kind": "unverified", "detail": detail}))
 }
 
 impl From<Failure> for JobError {

@@ -23,6 +23,9 @@ let asking = null;
 /** Whether the user has canceled the last dialog. */
 let declined = false;
 let closeDialog = null;
+/** Whether the user has signed out since the last sign-in. A request that was under way then is refused as one of an ended session. */
+let hasLeft = false;
+const LEFT = "You are signed out.";
 
 export const caller = () => me;
 /** The caller if it has signed in. A server without keys has no users. */
@@ -33,7 +36,7 @@ export const hasDeclined = () => declined;
 export const whySignIn = () => reason;
 
 /** Why a request without a valid session was refused. */
-const reasonOf = ({ type, detail }) => (type === ENDED ? detail : signedIn() ? "You are signed out." : "This server requires an access key.");
+const reasonOf = ({ type, detail }) => (hasLeft ? LEFT : type === ENDED ? detail : signedIn() ? LEFT : "This server requires an access key.");
 
 const tell = () => session.dispatchEvent(new Event("changed"));
 
@@ -50,16 +53,28 @@ export async function readCaller() {
   if (before?.key !== me?.key || before?.name !== me?.name || before?.role !== me?.role) tell();
 }
 
-tabs.addEventListener("message", async () => {
+function leave() {
+  hasLeft = true;
+  document.getElementById("key-reason")?.replaceChildren(LEFT);
+}
+
+function enter() {
+  hasLeft = false;
+  count += 1;
+}
+
+tabs.addEventListener("message", async ({ data }) => {
+  if (data === SIGNED_OUT) leave();
   await readCaller();
   if (!signedIn()) return;
-  count += 1;
+  enter();
   closeDialog?.();
 });
 
 /** Ends the session in all tabs. */
 export async function signOut() {
   const response = await fetch("/v1/session", { method: "DELETE" }).catch(() => null);
+  if (response?.ok) leave();
   await readCaller();
   const isOut = response?.ok || !signedIn();
   tabs.postMessage(isOut ? SIGNED_OUT : "still in");
@@ -93,7 +108,7 @@ async function ask(why) {
     if (entered === null) break;
     text = await begin(entered);
     if (text) continue;
-    count += 1;
+    enter();
     await readCaller();
     tabs.postMessage("in");
   }

@@ -129,7 +129,7 @@ function refitButtons({ fit, outliers = [] }, { label, source }) {
 }
 
 /** Shows a fit, which was loaded without its rows. */
-export async function showFit(main, { key }, { job, link, signal }) {
+export async function showFit(main, { key }, { job, link, trust, signal }) {
   const words = new URLSearchParams(link ? { link } : {});
   const read = (path) => get(`${resultAddress(key, path)}?${words}`, { signal });
   const unread = (problem) => {
@@ -152,6 +152,7 @@ export async function showFit(main, { key }, { job, link, signal }) {
   const against = notes.filter(({ kind }) => !AGAINST.includes(kind));
   const draw = () => {
     fill(body,
+      trust.map(({ detail }) => h("p", { class: "warning" }, detail)),
       against.length > 0 && quality && h("section", { class: "card warning", "aria-label": "Notes" }, h("h2", {}, "What these data do not say"),
         h("ul", { id: "fit-notes" }, against.map(({ kind, detail }) => h("li", { "data-note": kind }, inWords(detail, parameters)))), refitButtons(result, job)),
       h("section", { class: "card", "aria-label": "Estimates" }, h("h2", {}, `Estimates from ${dataWords(result)}`),

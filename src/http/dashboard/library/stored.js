@@ -8,10 +8,9 @@ export const loadResult = (key, link, signal) => get(`${resultAddress(key)}?${ne
 /** The latest jobs of a result, newest first. A user who may not list jobs gets none. */
 export const jobsOf = (key, signal) => get(`/v1/jobs?${new URLSearchParams({ key, limit: 20 })}`, { signal }).then(({ jobs }) => jobs, () => []);
 
-/** The warnings that the result does not contain: what was wrong with the engine that computed it, and those about the bodies of the
- * job that computed it. */
+/** The warnings that the result does not contain: those about the trust in it, and those about the bodies of the job that computed it. */
 export async function loadWarnings(key, link, signal) {
   const warnings = (await get(`${resultAddress(key, "/warnings")}?${new URLSearchParams(link ? { link } : {})}`, { signal })).warnings ?? [];
-  const isEarlier = ({ kind }) => kind === "earlier_version";
-  return { earlier: warnings.filter(isEarlier), bodies: warnings.filter((warning) => !isEarlier(warning)) };
+  const isTrust = ({ kind }) => kind === "earlier_version" || kind === "unverified";
+  return { trust: warnings.filter(isTrust), bodies: warnings.filter((warning) => !isTrust(warning)) };
 }

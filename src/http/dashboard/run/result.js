@@ -67,11 +67,11 @@ export async function showResult(main, { id: key, query, signal }) {
   }
   const [result, job] = await Promise.all([loadResult(key, link, signal), link ? { label: query.get("label"), typed: typedIn(query) } : loadJob(key, query.get("job"), signal)]);
   const kind = kindOf(result);
-  if (kind === "fit") return (await import("../fit/page.js")).showFit(main, result, { job, link, signal });
-  if (kind) return (await import("../study/study.js")).showStudy(main, result, { job, link, query, signal });
-  const { earlier, bodies } = await loadWarnings(key, link, signal);
+  const { trust, bodies } = await loadWarnings(key, link, signal);
+  if (kind === "fit") return (await import("../fit/page.js")).showFit(main, result, { job, link, trust, signal });
+  if (kind) return (await import("../study/study.js")).showStudy(main, result, { job, link, trust, query, signal });
   const bodyWarnings = bodyWarningsOf(result, job, bodies);
-  result.warnings.push(...earlier);
+  result.warnings.push(...trust);
   const smoothing = smooth([{ result, link }], signal).then(() => true);
   if (!await Promise.race([smoothing, patience()])) smoothing.then(() => signal.aborted || drawOutput());
   // Somebody may have left the view meanwhile.

@@ -8,7 +8,7 @@ const KINDS = {
   numerical_error: ["wear_volume", "/model/tolerance", "/model/points"], model_error: ["wear_volume", "method"],
   model_error_unknown: ["wear_volume", "method"], simplified_gross_slip: ["wear_volume", "method"],
   fast_wear: ["wear_depth"], split_of_wear: ["wear_depth", "/motion/amplitude"],
-  earlier_version: ["wear_depth"], sparse_profile: ["wear_volume", "/profile/radius"], noisy_profile: ["wear_volume", "/profile/height"],
+  earlier_version: ["wear_depth"], unverified: ["wear_depth"], sparse_profile: ["wear_volume", "/profile/radius"], noisy_profile: ["wear_volume", "/profile/height"],
   large_contact: ["contact_radius", "/load/normal_force", "/load/indentation_depth"],
   short_line: ["contact_radius", "/profile/length"],
   elliptical_contact: ["contact_radius", "/profile/radii/0", "/profile/radii/1"], long_scar: ["scar_radius", "/motion/amplitude"],

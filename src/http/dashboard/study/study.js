@@ -7,7 +7,6 @@ import { KINDS } from "../quantities/words.js";
 import { may } from "../access/allowed.js";
 import { get, resultAddress } from "../access/api.js";
 import { drawActions } from "../library/actions.js";
-import { loadWarnings } from "../library/stored.js";
 import { kindOf, studyTitle } from "../library/summary.js";
 import { StudyFigure } from "./figure.js";
 import { opener } from "./open.js";
@@ -19,9 +18,8 @@ import { isSample, MOST, viewOf } from "./view.js";
 import { variedWords } from "./words.js";
 
 /** Shows a study that was loaded without its rows. */
-export async function showStudy(main, result, { job, link, query, signal }) {
+export async function showStudy(main, result, { job, link, trust, query, signal }) {
   const name = kindOf(result);
-  const { earlier } = await loadWarnings(result.key, link, signal);
   const words = new URLSearchParams(link ? { link } : {});
   const whole = await get(`${resultAddress(result.key)}?${new URLSearchParams({ rows: String(MOST), ...(link && { link }) })}`, { signal });
   const kind = studyTitle(name, result[name]);
@@ -36,7 +34,7 @@ export async function showStudy(main, result, { job, link, query, signal }) {
       h("p", { class: "muted", id: "counts" }, `${countsOf(result.counts)} · numerics version ${result.engine.numerics} · `, h("code", {}, result.key.slice(0, 12)), "…")),
     drawActions(result, { job, link, form: editLink({ ...result, ...job, submitted: job.submitted ?? job.typed }), remember() {}, signal })),
     verdictsOf(view) || (name === "sweep" && !isSample(view) && greatestOf(view)),
-    earlier.map(({ detail }) => h("p", { class: "warning" }, detail)),
+    trust.map(({ detail }) => h("p", { class: "warning" }, detail)),
     result.notes?.length > 0 && h("section", { class: "card", "aria-label": "Notes" }, h("h2", {}, "Notes"),
       h("ul", {}, result.notes.map(({ output, member, detail }) => h("li", {}, h("strong", {}, view.title(member ?? output)), ": ", detail))))];
   // The reader of a shared link may not compute.
