@@ -17,7 +17,7 @@ use fretwork_store::{
 };
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
-use sqlx::Executor as _;
+use sqlx::{AssertSqlSafe, Executor as _};
 use tempfile::TempDir;
 
 use crate::program::{fails, run};
@@ -680,8 +680,10 @@ async fn export_and_restore_refuse_a_database_of_another_version() {
         .unwrap();
     let refused = export(dir.path().into(), &file, &all, &[], &mut quiet).await;
     assert!(matches!(refused, Err(Moving::Store(Error::Newer { found: 999, .. }))), "{refused:?}");
-    // A database of a later version can be backed up, but not restored.
-    backup(dir.path(), &file).await.unwrap();
+    // A database of a later version is neither backed up nor restored.
+    let refused = backup(dir.path(), &file).await;
+    assert!(matches!(refused, Err(Moving::Store(Error::Newer { .. }))), "{refused:?}");
+    db.execute(AssertSqlSafe(format!("VACUUM INTO '{}'", file.display()))).await.unwrap();
     let refused = restore(&dir.path().join("other"), &file, false).await;
     assert!(matches!(refused, Err(Moving::Store(Error::Newer { .. }))), "{refused:?}");
     store.close().await;

@@ -9,8 +9,8 @@ use std::time::Duration;
 
 use fretwork_job::{Cost, FailureKind, JobState, Origin};
 use fretwork_store::{
-    Actor, Canceled, Claimed, Error, Finish, NewJob, Options, Piece, Recovered, Repeatable, Store,
-    Submitted,
+    Actor, Canceled, Claimed, DatabaseUrl, Error, Finish, NewJob, Options, Piece, Recovered,
+    Repeatable, Store, Submitted,
 };
 use serde_json::{Value, json};
 use sqlx::{Connection as _, PgConnection};
@@ -303,6 +303,24 @@ async fn a_server_runs_beside_a_later_one_until_the_tables_require_the_later_one
     let started = Store::open(db.url().into(), &Options::default()).await;
     let text = started.unwrap_err().to_string();
     assert!(text.contains("was written by a later version"), "{text}");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_setting_of_the_database_that_prevents_everything_is_named() {
+    let (db, [_store]) = servers().await;
+    let address = db.address();
+    let name = address.split('?').next().unwrap().rsplit('/').next().unwrap();
+    let says = async |address: &str, advice: &str| {
+        let opened =
+            Store::open(address.parse::<DatabaseUrl>().unwrap().into(), &Options::default()).await;
+        let refused = opened.unwrap_err();
+        assert!(matches!(refused, Error::Unfit(_)), "{refused:?}");
+        assert!(refused.to_string().contains(advice), "{refused}");
+    };
+    says(&address.replace(&format!("/{name}?"), "/no_such_database?"), "does not exist; create it")
+        .await;
+    db.execute(&format!("ALTER DATABASE {name} SET default_transaction_read_only = on")).await;
+    says(&address, "name the primary server").await;
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -52,6 +52,7 @@ pub async fn sign_in(app: App, _: NoQuery, request: Request) -> Result<SessionAn
 pub async fn sign_out(app: App, _: NoQuery, request: Request) -> Result<SessionAnswer> {
     if let Some(token) = token(&request)? {
         app.store.end_session(&token).await?;
+        tracing::debug!("a browser has signed out");
     }
     Ok(answer(&request, None))
 }

@@ -239,8 +239,9 @@ impl From<store::Error> for Problem {
                 let detail = "The disk of the server is full. Its operator must free space.";
                 of(&kinds::DISK_FULL, detail)
             }
-            store::Error::Moved { .. } | store::Error::Newer { .. } => {
-                let detail = "The server cannot write to its database. Its operator finds the reason in the log.";
+            store::Error::Moved { .. } | store::Error::Newer { .. } | store::Error::Unfit(..) => {
+                let detail =
+                    "The server cannot use its database. Its operator finds the reason in the log.";
                 of(&kinds::NOT_READY, detail).retry_after(30)
             }
             store::Error::DamagedResult(key) => Self::damaged_result(key).caused_by(&error),

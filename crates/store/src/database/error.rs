@@ -120,6 +120,9 @@ pub enum Error {
     /// The database server cannot be reached, shuts down, or does not prove who it is.
     #[error("{}", unreachable(_0))]
     Unreachable(#[source] Arc<sqlx::Error>),
+    /// The database server refuses what fretwork needs until somebody changes a setting.
+    #[error("{}", advice_of(_0))]
+    Unfit(#[source] Arc<sqlx::Error>),
     /// The database server does not answer in time, or all connections to it are in use.
     #[error("the database server does not answer in time")]
     Exhausted,
@@ -176,6 +179,29 @@ fn unreachable(error: &sqlx::Error) -> &'static str {
 const INSECURE: &str = "the connection to the database server is refused, because it is not secure; `sslmode` and \
     `sslrootcert` in the address of the database say what is required";
 
+/// What to change so that PostgreSQL does not answer with this error code; `None` if a user cannot change it.
+fn setting(code: &str) -> Option<&'static str> {
+    Some(match code {
+        "42501" => "the database user lacks a privilege; make it the owner of the database",
+        "25006" => "the database server is a standby or read-only; name the primary server",
+        "28000" | "28P01" => {
+            "the database server rejects the user or the password; correct the address of the database"
+        }
+        "3D000" => "the database does not exist; create it, or correct its address",
+        // An unknown parameter of a new connection, and prepared statements of other connections.
+        "08P01" | "26000" | "42P05" => {
+            "a connection pooler changes connections between transactions; connect to PostgreSQL without it, or set \
+             `pool_mode = session` and `ignore_startup_parameters = extra_float_digits` in PgBouncer"
+        }
+        _ => return None,
+    })
+}
+
+fn advice_of(error: &sqlx::Error) -> &'static str {
+    let code = error.as_database_error().and_then(sqlx::error::DatabaseError::code);
+    code.and_then(|code| setting(&code)).unwrap_or_default()
+}
+
 impl From<sqlx::Error> for Error {
     fn from(error: sqlx::Error) -> Self {
         /// Length of an error code of PostgreSQL. Codes of SQLite are shorter.
@@ -190,6 +216,7 @@ impl From<sqlx::Error> for Error {
         let code = error.as_database_error().and_then(sqlx::error::DatabaseError::code);
         if let Some(state) = code.as_deref().filter(|code| code.len() == SQLSTATE) {
             return match state {
+                _ if setting(state).is_some() => Self::Unfit,
                 _ if state.starts_with("57P") || state.starts_with("08") => Self::Unreachable,
                 // Too many connections.
                 "53300" => Self::Unreachable,

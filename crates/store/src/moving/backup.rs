@@ -120,10 +120,7 @@ async fn put_in_place(
     }
     let part = PartialFile::of(&path, ".part")?;
     let from = CopySource::of(file, &path)?;
-    let (found, known) = (inspect(from.path(), file).await?, schema::latest());
-    if found > known {
-        return Err(Error::Newer { path: file.to_owned(), found, known }.into());
-    }
+    inspect(from.path(), file).await?;
     copy(from.path(), &part.0).await?;
     let mut db = SqliteConnection::connect_with(&open::connecting(&part.0)).await?;
     schema::migrate(&mut db, file).await?;
@@ -139,16 +136,19 @@ async fn put_in_place(
     Ok((saved, former))
 }
 
-/// Refuses a file with damage to its schema or indexes, because a copy would repair or hide that. Errors show the path
-/// `name`. Returns the version of the schema.
-async fn inspect(file: &Path, name: &Path) -> Result<i64, Moving> {
+/// Refuses a file of a later version, and one with damage to its schema or indexes, because a copy would repair or hide that.
+/// Errors show the path `name`.
+async fn inspect(file: &Path, name: &Path) -> Result<(), Moving> {
     open::inspect(file).await?;
     let mut db = reading(file).await?;
     schema::compare(&mut db, name).await?;
     refuse(of_pages(&mut db).await?, name)?;
-    let version = schema::version(&mut db).await?;
+    let (found, known) = (schema::version(&mut db).await?, schema::latest());
     db.close().await?;
-    Ok(version)
+    if found > known {
+        return Err(Error::Newer { path: name.to_owned(), found, known }.into());
+    }
+    Ok(())
 }
 
 /// The database to be copied.
