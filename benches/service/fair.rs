@@ -68,7 +68,9 @@ fn report(what: &str, (median, longest): (f64, f64), server: &Server, keys: &[St
     waits.sort_by(f64::total_cmp);
     let (middle, last) = (waits[RUNS / 2], waits[RUNS - 1]);
     println!(
-        "  {what}: {middle:.3} s in the median   (at most {median}), {last:.3} s at most   (at most {longest})"
+        "  {what}: {middle:.3} s in the median   (at most {median}), {last:.3} s at most   (at most {longest}), {:.0} MB \
+         of memory",
+        server.resident()
     );
 }
 
@@ -86,9 +88,12 @@ fn long(number: usize) -> Value {
             job
         }
         4..7 => {
+            let block = |number| json!({"amplitude": 2.5e-6 + f64::from(number % 2) * 5.5e-6, "cycles": 200_000});
+            scenario["motion"] = json!({"blocks": (0..1000).map(block).collect::<Vec<_>>()});
             scenario["load"]["held"] = json!("force");
-            scenario["model"] = json!({"tolerance": 1e-4, "points": 4096});
-            scenario["cycles"] = json!([1e12]);
+            scenario["model"] = json!({"tolerance": 1e-4, "points": 4096, "compare": true});
+            scenario["cycles"] =
+                json!({"from": 200_000, "to": 2e8, "count": 1000, "spacing": "linear"});
             json!({"scenario": scenario})
         }
         _ => {
