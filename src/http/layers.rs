@@ -3,7 +3,7 @@
 use std::convert::Infallible;
 use std::panic::AssertUnwindSafe;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use axum::Router;
 use axum::extract::{MatchedPath, Request};
@@ -26,7 +26,7 @@ use super::problem::{self, Problem, Result, kinds};
 use super::shares::{Permit, SMALL, Shares};
 use super::transport::drain_body::drain_body;
 use super::wire::coding::Coding;
-use super::wire::length_of;
+use super::wire::{REPLAYED, length_of};
 use crate::service::workers::message_of;
 
 /// The origins whose web pages may use the server.
@@ -232,6 +232,7 @@ fn cors(origins: &Origins) -> Option<CorsLayer> {
         header::RETRY_AFTER,
         header::WWW_AUTHENTICATE,
         HeaderName::from_static("preference-applied"),
+        REPLAYED,
         HeaderName::from_static("ratelimit"),
         HeaderName::from_static("ratelimit-policy"),
         REQUEST_ID,
@@ -245,6 +246,8 @@ fn cors(origins: &Origins) -> Option<CorsLayer> {
             Method::PATCH,
             Method::DELETE,
         ])
+        // No browser keeps the answer to a preflight request for longer.
+        .max_age(Duration::from_hours(2))
         // `*` does not include Authorization.
         .allow_headers(AllowHeaders::mirror_request())
         .expose_headers(exposed);

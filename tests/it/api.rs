@@ -253,6 +253,15 @@ async fn a_job_keeps_its_scenario_as_its_client_wrote_it() {
     assert_eq!((&other["key"], &other["submitted"]), (&job["key"], &kilo));
     let (again, _, _) = submit("0.1 kN", &named).await;
     assert_eq!((&again["id"], &again["submitted"]), (&job["id"], &typed));
+    for (name, mark) in [("one", Some("true")), ("two", None)] {
+        let headers = [JSON, ("Idempotency-Key", name)];
+        let mut body = steel_ball();
+        body["scenario"]["load"]["normal_force"] = json!("0.1 kN");
+        let reply = server
+            .send("POST", "/v1/jobs?include=submitted,scenario", &headers, body.to_string())
+            .await;
+        assert_eq!(reply.header("idempotency-replayed"), mark, "{name}");
+    }
 
     let reversal = |i| if i % 2 == 0 { "1.2345 um" } else { "-1.2345 um" };
     let mut large = ball(1.0);
@@ -685,6 +694,7 @@ async fn pages_of_allowed_origins_can_read_the_exposed_headers() {
     let preflight = server.send("OPTIONS", "/v1/jobs", &asked, "").await;
     assert_eq!(preflight.status, 200);
     assert!(preflight.header("access-control-allow-methods").unwrap().contains("POST"));
+    assert_eq!(preflight.header("access-control-max-age"), Some("7200"));
     assert!(preflight.header("x-request-id").is_some());
     assert_eq!(preflight.header("x-content-type-options"), Some("nosniff"));
 }

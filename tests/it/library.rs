@@ -303,6 +303,9 @@ async fn a_note_is_stored_shown_found_and_deleted() {
     assert_eq!(told["note"]["text"], "Agrees with RIG 8.\nTwice.");
     assert_eq!(told["note"]["owner"], "127.0.0.1");
     assert_eq!(list(&server, "note=rig%208").await[0]["note"], told["note"]);
+    assert_eq!(server.get(&at).await.json(), told["note"]);
+    let about = server.get(&format!("/v1/results/{key}/about")).await.json();
+    assert_eq!(about, list(&server, "note=rig%208").await[0]);
     assert!(list(&server, "note=rig%207").await.is_empty());
     for bad in [json!(""), json!("x".repeat(4001)), json!("\u{7}"), json!(7)] {
         let problem = put(bad).await.problem(422, "invalid-request");
@@ -315,6 +318,9 @@ async fn a_note_is_stored_shown_found_and_deleted() {
     let unknown = format!("/v1/results/{}/note", "0".repeat(64));
     let text = json!({"text": "a"}).to_string();
     server.send("PUT", &unknown, &[JSON], text).await.problem(404, "unknown-result");
+    server.get(&unknown).await.problem(404, "unknown-result");
+    server.get(&unknown.replace("note", "about")).await.problem(404, "unknown-result");
+    server.get(&at).await.problem(404, "not-found");
     server.send("DELETE", &unknown, &[], "").await.problem(404, "unknown-result");
 }
 

@@ -16,7 +16,7 @@ use super::keyring::{Keyring, MAX_AGE, Usage};
 use super::limits::{Limits, OpenRequest};
 use super::needs::{Needs, Quota, RouteNeeds};
 use super::secret::Secret;
-use super::session::{self, ENDED, ended, unauthorized};
+use super::session::{self, ENDED, ended, invalid_key, unauthorized};
 use super::sign_on::{SIGN_ON, SignOn, Users};
 use super::signed_link::{self, ADMIN, ANYONE, Signer};
 use crate::http::problem::{Problem, Result, kinds};
@@ -370,7 +370,7 @@ fn refused(headers: &HeaderMap, has_session: bool, reason: &str) -> Problem {
     if has_session {
         return ended(headers, &format!("{reason} Sign in with another key."));
     }
-    unauthorized(headers, reason)
+    invalid_key(headers, reason)
 }
 
 /// Why a key is not valid; `None` if it is.

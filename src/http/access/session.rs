@@ -154,20 +154,31 @@ pub fn set_cookie(request: &Request, token: Option<&str>) -> (HeaderName, String
 /// What a request with the cookie of a session that has ended is told.
 pub const ENDED: &str = "The session has ended. Sign in again.";
 
+const ADVICE: &str = "Send a key as `Authorization: Bearer fretwork_…`.";
+
 /// The problem for a request without a valid key.
 pub fn unauthorized(headers: &HeaderMap, reason: &str) -> Problem {
-    let detail = format!("{reason} Send a key as `Authorization: Bearer fretwork_…`.");
-    challenge(headers, Problem::new(&kinds::UNAUTHORIZED, detail))
+    challenge(headers, "", Problem::new(&kinds::UNAUTHORIZED, format!("{reason} {ADVICE}")))
+}
+
+/// The problem for a request with a key that is not valid.
+pub fn invalid_key(headers: &HeaderMap, reason: &str) -> Problem {
+    challenge(
+        headers,
+        ", error=\"invalid_token\"",
+        Problem::new(&kinds::UNAUTHORIZED, format!("{reason} {ADVICE}")),
+    )
 }
 
 /// The problem for a browser whose session is not valid.
 pub fn ended(headers: &HeaderMap, detail: &str) -> Problem {
-    challenge(headers, Problem::new(&kinds::SESSION_ENDED, detail))
+    challenge(headers, "", Problem::new(&kinds::SESSION_ENDED, detail))
 }
 
 /// Adds an authentication scheme that the client supports.
-fn challenge(headers: &HeaderMap, problem: Problem) -> Problem {
-    let problem = problem.with_header(header::WWW_AUTHENTICATE, "Bearer realm=\"fretwork\"");
+fn challenge(headers: &HeaderMap, error: &str, problem: Problem) -> Problem {
+    let scheme = format!("Bearer realm=\"fretwork\"{error}");
+    let problem = problem.with_header(header::WWW_AUTHENTICATE, scheme);
     let accepts = headers.get(header::ACCEPT).and_then(|value| value.to_str().ok());
     if accepts.is_some_and(|accepts| accepts.contains("text/html")) {
         // If the scheme is Basic, a browser asks its user for a name and a password.

@@ -265,6 +265,20 @@ fn annotated(changed: Changed) -> Result<StatusCode> {
     }
 }
 
+/// Returns the note of a result.
+#[utoipa::path(get, path = "/v1/results/{key}/note", operation_id = "get_note", tag = "results",
+    params(ResultKey),
+    responses(
+        (status = 200, description = "The note.", body = Note),
+        (status = 404, description = "The result has no note, or no result has this key."),
+    ),
+)]
+pub async fn show_note(app: App, key: Segment, _: NoQuery) -> Result<Fresh<Note>> {
+    let note = app.store.provenance(&read_key(&key)?).await?.ok_or_else(unknown)?.note;
+    let missing = || Problem::new(&kinds::NOT_FOUND, "The result has no note. PUT writes one.");
+    Ok(Fresh(note.ok_or_else(missing)?.into()))
+}
+
 /// Writes the note of a result. A result has one note; a new one of the same owner or of an administrator replaces it.
 ///
 /// Provenance and lists show the note, its owner and its time. It stays for a year after the result was

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use axum::http::StatusCode;
+use axum::http::header::{self, HeaderName};
 use serde::Serialize;
 use utoipa::ToSchema;
 
@@ -40,7 +41,8 @@ pub struct SharedLink {
             `12h`, `7d` (the default) or `6months`; at most `366d`.", example = "7d"),
     ),
     responses(
-        (status = 201, description = "The link.", body = SharedLink),
+        (status = 201, description = "The link.", body = SharedLink,
+            headers(("Location" = String, description = "`url`."))),
     ),
 )]
 pub async fn share(
@@ -48,7 +50,7 @@ pub async fn share(
     caller: Caller,
     key: Segment,
     mut query: Query,
-) -> Result<(StatusCode, Fresh<SharedLink>)> {
+) -> Result<(StatusCode, [(HeaderName, String); 1], Fresh<SharedLink>)> {
     let accepted = "a time from 1s to 366d, for example 12h, 7d or 6months";
     let time = query.value("expires_in", accepted, |text| {
         let time = humantime::parse_duration(text).ok()?;
@@ -70,5 +72,5 @@ pub async fn share(
         url: format!("/v1/results/{key}?link={token}"),
         expires: signed_link::expiry(expires),
     };
-    Ok((StatusCode::CREATED, Fresh(link)))
+    Ok((StatusCode::CREATED, [(header::LOCATION, link.url.clone())], Fresh(link)))
 }

@@ -8,12 +8,12 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 use utoipa::ToSchema;
 
-use super::library::Note;
+use super::library::{Note, unknown};
 use crate::http::access::caller::{Caller, ME};
 use crate::http::answer::listed;
-use crate::http::api::parameters::{Conditions, OfList, SearchTable};
+use crate::http::api::parameters::{Conditions, OfList, ResultKey, SearchTable};
 use crate::http::wire::paging::{ListView, next_page};
-use crate::http::{App, Fresh, Query, Result, instant};
+use crate::http::{App, Fresh, NoQuery, Problem, Query, Result, Segment, instant, read_key};
 use fretwork_job::{JobId, Key, SCALARS, WORDS};
 use fretwork_store::{Listed, Search};
 
@@ -176,6 +176,25 @@ pub async fn list(
     let results = found.results.into_iter().map(ResultEntry::from).collect();
     let units = SCALARS.iter().map(|scalar| (scalar.name.to_owned(), json!(scalar.unit())));
     Ok((link, Fresh(ResultList { results, units: units.collect(), next, total })).into_response())
+}
+
+/// Returns what the list of results says about one result: its label, tags, note, inputs and outputs.
+#[utoipa::path(get, path = "/v1/results/{key}/about", operation_id = "about_result", tag = "results",
+    params(ResultKey),
+    responses((status = 200, description = "The entry of the result, in SI.", body = ResultEntry)),
+)]
+pub async fn about(
+    app: App,
+    caller: Caller,
+    key: Segment,
+    _: NoQuery,
+) -> Result<Fresh<ResultEntry>> {
+    let key = read_key(&key)?;
+    let mut search = Search::default();
+    search.only_jobs_of(caller.reach());
+    search.set("keys", &key.to_string()).map_err(|_| Problem::internal())?;
+    let found = app.store.search(&search, None, 1).await?.results.pop();
+    Ok(Fresh(found.ok_or_else(unknown)?.into()))
 }
 
 /// Reads the conditions and the order of a search.

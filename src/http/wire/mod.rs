@@ -272,6 +272,9 @@ pub fn idempotency_key(headers: &HeaderMap) -> Result<Option<String>> {
     }
 }
 
+/// Marks the answer to a repeated submission.
+pub const REPLAYED: HeaderName = HeaderName::from_static("idempotency-replayed");
+
 /// The headers of a text of JSON that no cache may keep, because it changes.
 pub const FRESH_JSON: [(HeaderName, &str); 2] =
     [(CONTENT_TYPE, "application/json"), (CACHE_CONTROL, "no-store")];

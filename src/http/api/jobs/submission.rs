@@ -10,7 +10,7 @@ use super::answer::{JobAnswer, address, result_of, write};
 use crate::http::answer::text::Text;
 use crate::http::api::scenarios::parse;
 use crate::http::wire::include::{Include, JobMembers, NULL};
-use crate::http::wire::{idempotency_key, says, urgency, wait};
+use crate::http::wire::{REPLAYED, idempotency_key, says, urgency, wait};
 use crate::http::{App, Body, Caller, Problem, Query, Result, kinds, schemas};
 use crate::service::{Accepted, Refusal, Terms};
 use fretwork_job::{Job, JobState, Origin, Submission};
@@ -33,7 +33,8 @@ use fretwork_store::Asked;
                 (at most 60).", example = "wait=10"),
         ("Idempotency-Key" = Option<String>, Header,
             description = "A name for this submission, for example a random UUID. A repeated \
-                submission with the same name and body is the same job, as long as the job is kept."),
+                submission with the same name and body is the same job, as long as the job is kept. Its answer has \
+                `Idempotency-Replayed: true`."),
         ("Priority" = Option<String>, Header,
             description = "`u=0` (most urgent) to `u=7` (least urgent), RFC 9218: the order of the \
                 caller's own jobs. It does not affect the jobs of other callers, which take turns.", example = "u=3"),
@@ -103,7 +104,8 @@ pub async fn submit(
             Text::of(NULL)
         })),
     };
-    accepted(job, include.members(&asked), result, wait, afresh)
+    let answer = accepted(job, include.members(&asked), result, wait, afresh)?;
+    Ok((repeated.then_some([(REPLAYED, "true")]), answer).into_response())
 }
 
 /// The terms of a submission, from its headers.
