@@ -62,10 +62,15 @@ async fn work_until_signal(settings: &Worker, place: &Place) -> Result<(), Error
     let monitoring = listener.map(|listener| http::serve_monitoring(listener, monitored));
     let time_is_up = OptionFuture::from(settings.until.map(tokio::time::sleep));
     let work = async {
+        let idle = async {
+            // Until then, the worker may pass over all that is left.
+            tokio::time::sleep(settings.crash_pause).await;
+            workers.idle_for(settings.idle_exit).await;
+        };
         tokio::select! {
             () = signals.next() => tracing::info!("draining; a second signal stops at once"),
             Some(()) = time_is_up => tracing::info!("draining after the time of --until"),
-            () = workers.idle_for(settings.idle_exit) => tracing::info!("nothing to compute"),
+            () = idle => tracing::info!("nothing to compute"),
         }
         service.drain();
         let drain = async {

@@ -944,7 +944,9 @@ impl Trial {
         let claimable = self.raw.count(CLAIMABLE).await;
         let claimed = self.store.claim().await.unwrap();
         // A part that was lost in a crash waits for others, or others wait for it.
-        let waits = claimed.is_none() && self.raw.count(&suspects(self.on)).await > 0;
+        let waits = claimed.is_none()
+            && self.raw.count(&suspects(self.on)).await > 0
+            && self.raw.count(RUNNING).await > 0;
         assert_eq!(
             claimed.is_some() || waits,
             claimable > 0 || waits,

@@ -202,7 +202,12 @@ impl Store {
     /// Queues a running run or piece of a study again. This does not count as a crash. Returns false if the worker has
     /// lost the run or piece.
     pub fn release<'a>(&'a self, claimed: &'a Claimed) -> Doing<'a, bool> {
-        change!(self, runs::release, claimed.claim())
+        Box::pin(async move {
+            let release: Doing<'_, bool> = change!(self, runs::release, claimed.claim());
+            let released = release.await;
+            self.signals.stop(&[(claimed.part(), claimed.stop.clone())]);
+            released
+        })
     }
 
     /// Ends or queues again the runs that the last process left unfinished. Call it before the first claim. In SQLite,
@@ -544,7 +549,7 @@ impl Store {
     /// [`Store::claim`].
     pub fn open(place: Place, options: &Options) -> Command<'_, Self> {
         Box::pin(async move {
-            let signals = Arc::new(Signals::default());
+            let signals = Signals::starting(options.settle);
             let shared = Arc::clone(&signals);
             let engine = match place {
                 Place::Directory(dir) => {

@@ -16,7 +16,7 @@ use super::keyring::{Keyring, MAX_AGE, Usage};
 use super::limits::{Limits, OpenRequest};
 use super::needs::{Needs, Quota, RouteNeeds};
 use super::secret::Secret;
-use super::session::{self, ENDED, ended, invalid_key, unauthorized};
+use super::session::{self, ENDED, ended, unauthorized};
 use super::sign_on::{SIGN_ON, SignOn, Users};
 use super::signed_link::{self, ADMIN, ANYONE, Signer};
 use crate::http::problem::{Problem, Result, kinds};
@@ -308,7 +308,7 @@ impl Gate {
                 false
             });
             let reason = "The server requires a key since this request began.";
-            return required.then(|| unauthorized(headers, reason));
+            return required.then(|| unauthorized(headers, "", reason));
         };
         if let Some(session) = session
             && let Ok(None) = self.store.session(session).await
@@ -370,7 +370,7 @@ fn refused(headers: &HeaderMap, has_session: bool, reason: &str) -> Problem {
     if has_session {
         return ended(headers, &format!("{reason} Sign in with another key."));
     }
-    invalid_key(headers, reason)
+    unauthorized(headers, ", error=\"invalid_token\"", reason)
 }
 
 /// Why a key is not valid; `None` if it is.
@@ -385,11 +385,15 @@ fn invalid(key: &AccessKey, now: i64) -> Option<String> {
 /// The key that a request presents.
 fn presented_key(headers: &HeaderMap) -> Result<String> {
     let Some(value) = headers.get(header::AUTHORIZATION) else {
-        return Err(unauthorized(headers, "This server requires an access key."));
+        return Err(unauthorized(headers, "", "This server requires an access key."));
     };
     let key = value.to_str().ok().and_then(key_in);
     key.ok_or_else(|| {
-        unauthorized(headers, "The Authorization header has no access key after the word Bearer.")
+        unauthorized(
+            headers,
+            "",
+            "The Authorization header has no access key after the word Bearer.",
+        )
     })
 }
 

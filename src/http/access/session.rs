@@ -154,20 +154,10 @@ pub fn set_cookie(request: &Request, token: Option<&str>) -> (HeaderName, String
 /// What a request with the cookie of a session that has ended is told.
 pub const ENDED: &str = "The session has ended. Sign in again.";
 
-const ADVICE: &str = "Send a key as `Authorization: Bearer fretwork_…`.";
-
-/// The problem for a request without a valid key.
-pub fn unauthorized(headers: &HeaderMap, reason: &str) -> Problem {
-    challenge(headers, "", Problem::new(&kinds::UNAUTHORIZED, format!("{reason} {ADVICE}")))
-}
-
-/// The problem for a request with a key that is not valid.
-pub fn invalid_key(headers: &HeaderMap, reason: &str) -> Problem {
-    challenge(
-        headers,
-        ", error=\"invalid_token\"",
-        Problem::new(&kinds::UNAUTHORIZED, format!("{reason} {ADVICE}")),
-    )
+/// The problem for a request without a valid key. `error` is empty, or a parameter of the challenge (RFC 6750).
+pub fn unauthorized(headers: &HeaderMap, error: &str, reason: &str) -> Problem {
+    let detail = format!("{reason} Send a key as `Authorization: Bearer fretwork_…`.");
+    challenge(headers, error, Problem::new(&kinds::UNAUTHORIZED, detail))
 }
 
 /// The problem for a browser whose session is not valid.

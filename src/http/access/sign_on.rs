@@ -55,7 +55,7 @@ impl Users {
         if !headers.contains_key(name) {
             return Ok(None);
         }
-        let refused = |detail: String| Err(unauthorized(headers, &detail));
+        let refused = |detail: String| Err(unauthorized(headers, "", &detail));
         let secret = only(headers, &SECRET).map(digest);
         let is_proxy = request.extensions().get::<ViaProxy>().is_some()
             && secret.is_some_and(|secret| secret.ct_eq(&self.secret).into());

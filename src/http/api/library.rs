@@ -230,14 +230,14 @@ pub struct SubmissionWarnings {
 pub async fn warnings(app: App, key: Segment, _: NoQuery) -> Result<Fresh<SubmissionWarnings>> {
     let key = read_key(&key)?;
     let provenance = app.store.provenance(&key).await?.ok_or_else(unknown)?;
-    let warnings = provenance.warnings;
     let known = app.store.known(&key).await?.ok_or_else(unknown)?;
     let told = |detail| json!({"kind": "earlier_version", "detail": detail});
     let earlier = earlier::doubt(known.numerics, &known.asked.value).map(told);
     let unverified = unverified(provenance.imported.and_then(|import| import.verified));
-    let more: Vec<_> = earlier.into_iter().chain(unverified).collect();
-    let own = warnings.as_ref().and_then(Value::as_array).into_iter().flatten().cloned();
-    let warnings = if more.is_empty() { warnings } else { Some(own.chain(more).collect()) };
+    let own = provenance.warnings.as_ref().and_then(Value::as_array);
+    let all = own.into_iter().flatten().cloned().chain(earlier).chain(unverified);
+    let all: Vec<_> = all.collect();
+    let warnings = (own.is_some() || !all.is_empty()).then(|| all.into());
     Ok(Fresh(SubmissionWarnings { warnings }))
 }
 

@@ -233,7 +233,9 @@ impl Worker {
                 Ok(Some(found)) => return Ok(found),
                 Ok(None) => return Err(NotMade::Unwanted),
                 Err(Error::Closed) => return Err(NotMade::Interrupted),
-                Err(Error::Busy(_) | Error::Unreachable(_) | Error::Exhausted) => {}
+                Err(
+                    Error::Busy(_) | Error::Unreachable(_) | Error::Unfit(..) | Error::Exhausted,
+                ) => {}
                 Err(Error::Database(_)) if refused < MAX_REFUSALS => refused += 1,
                 Err(error) => return Err(unreadable(error.to_string())),
             }

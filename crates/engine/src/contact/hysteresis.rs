@@ -220,9 +220,8 @@ impl Backbone {
         let missing = self.lost - area(&corners);
         // The last corner before gross slip, but not the point without force.
         let is_free = |corner: &[f64; 2]| ![0.0, 0.5 * most, most].contains(&corner[1]);
-        let place = corners.iter().rposition(is_free).unwrap_or(0);
-        if let Some([before, corner, after]) = corners[place.saturating_sub(1)..].first_chunk_mut()
-            && place > 0
+        if let Some(place) = corners.iter().rposition(is_free)
+            && let Some([before, corner, after]) = corners[place - 1..].first_chunk_mut()
         {
             corner[1] += 0.25 * missing / (after[0] - before[0]);
         }

@@ -121,8 +121,8 @@ pub enum Error {
     #[error("{}", unreachable(_0))]
     Unreachable(#[source] Arc<sqlx::Error>),
     /// The database server refuses what fretwork needs until somebody changes a setting.
-    #[error("{}", advice_of(_0))]
-    Unfit(#[source] Arc<sqlx::Error>),
+    #[error("{0}")]
+    Unfit(&'static str, #[source] Arc<sqlx::Error>),
     /// The database server does not answer in time, or all connections to it are in use.
     #[error("the database server does not answer in time")]
     Exhausted,
@@ -185,7 +185,7 @@ fn setting(code: &str) -> Option<&'static str> {
         "42501" => "the database user lacks a privilege; make it the owner of the database",
         "25006" => "the database server is a standby or read-only; name the primary server",
         "28000" | "28P01" => {
-            "the database server rejects the user or the password; correct the address of the database"
+            "the database server rejects the user, the password or a connection without TLS; correct the address of the database"
         }
         "3D000" => "the database does not exist; create it, or correct its address",
         // An unknown parameter of a new connection, and prepared statements of other connections.
@@ -195,11 +195,6 @@ fn setting(code: &str) -> Option<&'static str> {
         }
         _ => return None,
     })
-}
-
-fn advice_of(error: &sqlx::Error) -> &'static str {
-    let code = error.as_database_error().and_then(sqlx::error::DatabaseError::code);
-    code.and_then(|code| setting(&code)).unwrap_or_default()
 }
 
 impl From<sqlx::Error> for Error {
@@ -215,8 +210,10 @@ impl From<sqlx::Error> for Error {
         }
         let code = error.as_database_error().and_then(sqlx::error::DatabaseError::code);
         if let Some(state) = code.as_deref().filter(|code| code.len() == SQLSTATE) {
+            if let Some(advice) = setting(state) {
+                return Self::Unfit(advice, Arc::new(error));
+            }
             return match state {
-                _ if setting(state).is_some() => Self::Unfit,
                 _ if state.starts_with("57P") || state.starts_with("08") => Self::Unreachable,
                 // Too many connections.
                 "53300" => Self::Unreachable,

@@ -4,6 +4,7 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 use parking_lot::Mutex;
 use tokio::sync::broadcast::error::RecvError;
@@ -25,7 +26,7 @@ pub(crate) enum Effect {
     /// A run or a piece of a study can be claimed.
     Queued,
     /// A worker has claimed this part, which was lost this often. The flag tells the worker to stop.
-    Started { part: RunPart, stop: Stop, lost: u32 },
+    Started(RunPart, Stop, u32),
     /// No worker needs to compute this run any more.
     Unwanted(RunId),
     /// No worker computes this part any more.
@@ -67,6 +68,8 @@ pub(crate) struct Signals {
     queue: watch::Sender<u64>,
     deleted: Deleted,
     tables: Mutex<Tables>,
+    /// Until when no worker claims a part that was lost.
+    settles: Option<Instant>,
 }
 
 /// Sends keys of deleted results; `None` if any result may have been deleted.
@@ -106,6 +109,19 @@ impl Tables {
 }
 
 impl Signals {
+    /// Signals of a process that settles for this time. Then idle workers look for parts that were lost.
+    #[expect(clippy::disallowed_methods, reason = "the task ends by itself")]
+    pub(crate) fn starting(settle: Duration) -> Arc<Self> {
+        let settles = Instant::now().checked_add(settle);
+        let signals = Arc::new(Self { settles, ..Self::default() });
+        let woken = Arc::downgrade(&signals);
+        tokio::spawn(async move {
+            tokio::time::sleep(settle).await;
+            woken.upgrade().inspect(|signals| signals.wake());
+        });
+        signals
+    }
+
     /// Sends all signals, in the order of the changes.
     pub(crate) fn apply(&self, effects: Vec<Effect>) {
         let mut tables = self.tables.lock();
@@ -124,20 +140,24 @@ impl Signals {
                 Effect::Queued => {
                     self.queue.send_modify(|_| {});
                 }
-                Effect::Started { part, stop, lost } => {
+                Effect::Started(part, stop, lost) => {
                     tables.running.insert(part, (stop, lost));
                 }
                 Effect::Unwanted(run) => {
-                    tables.running.retain(|(other, _), (stop, _)| {
+                    let mut was_lost = false;
+                    tables.running.retain(|(other, _), (stop, lost)| {
                         let is_wanted = *other != run;
                         if !is_wanted {
                             stop.raise();
+                            was_lost |= *lost > 0;
                         }
                         is_wanted
                     });
+                    self.ended(was_lost);
                 }
                 Effect::LetGo(part) => {
-                    tables.running.remove(&part);
+                    let ended = tables.running.remove(&part);
+                    self.ended(ended.is_some_and(|(_, lost)| lost > 0));
                 }
                 Effect::Submitted(origin) => self.tally.submitted(origin),
                 Effect::Settled(how, milliseconds) => self.tally.settled(how, milliseconds),
@@ -158,6 +178,18 @@ impl Signals {
                 Effect::Deleted(key) => self.deleted(Some(key)),
             }
         }
+    }
+
+    /// Wakes idle workers, because a part that was lost may have had to run alone.
+    fn ended(&self, was_lost: bool) {
+        if was_lost {
+            self.queue.send_modify(|_| {});
+        }
+    }
+
+    /// Whether workers may claim parts that were lost.
+    pub(crate) fn is_settled(&self) -> bool {
+        self.settles.is_none_or(|at| Instant::now() >= at)
     }
 
     /// Counts the error of a failed operation in the metrics, and returns the result unchanged.
@@ -319,11 +351,8 @@ mod tests {
         let signals = Arc::new(Signals::default());
         let flags: [Stop; 5] = Default::default();
         let [lost, first, second, done, other] = &flags;
-        let started = |run, number, stop: &Stop| Effect::Started {
-            part: (RunId(run), number),
-            stop: stop.clone(),
-            lost: 0,
-        };
+        let started =
+            |run, number, stop: &Stop| Effect::Started((RunId(run), number), stop.clone(), 0);
         signals.apply(vec![
             started(1, Some(0), lost),
             started(1, Some(0), first),
@@ -344,9 +373,9 @@ mod tests {
         let signals = Arc::new(Signals::default());
         let part = (RunId(1), None);
         let [lost, next]: [Stop; 2] = Default::default();
-        signals.apply(vec![Effect::Started { part, stop: lost.clone(), lost: 0 }]);
+        signals.apply(vec![Effect::Started(part, lost.clone(), 0)]);
         let running = signals.running();
-        signals.apply(vec![Effect::Started { part, stop: next.clone(), lost: 0 }]);
+        signals.apply(vec![Effect::Started(part, next.clone(), 0)]);
         signals.stop(&running);
         assert!(lost.is_raised() && !next.is_raised());
         let running = signals.running();

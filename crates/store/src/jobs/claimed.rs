@@ -94,7 +94,7 @@ impl Claimed {
 
     /// What is signalled after the claim.
     pub(crate) fn started(&self) -> Effect {
-        Effect::Started { part: self.part(), stop: self.stop.clone(), lost: self.lost }
+        Effect::Started(self.part(), self.stop.clone(), self.lost)
     }
 
     pub(crate) fn claim(&self) -> Claim {

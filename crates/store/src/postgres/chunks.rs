@@ -5,6 +5,7 @@
 
 use super::follow::follow;
 use super::lease;
+use super::queue::Waiting;
 use super::transaction::Transaction;
 use crate::database::caution::{Caution, Verdict};
 use crate::database::{Columns, Connected, Effect, Result, RunId, Tables, read, sql};
@@ -45,15 +46,15 @@ async fn store(
 }
 
 /// Claims a piece of a study: a chunk that was lost; if there is none, a new chunk; if there is none, a chunk that was
-/// released; if there is none, the assembly. Returns why not if it claims none.
+/// released; if there is none, the assembly. Returns `None` if no piece can be claimed.
 pub(super) async fn claim(
     tx: &mut Transaction<'_>,
     run: RunId,
-    owner: &str,
+    waiting: &mut Waiting,
     caution: Caution,
-) -> Result<std::result::Result<Claimed, Verdict>> {
+) -> Result<Option<Claimed>> {
     let Some(before) = lock(tx, run).await?.filter(Study::is_ready) else {
-        return Ok(Err(Verdict::PassesOver));
+        return Ok(None);
     };
     let query = sql!(
         "SELECT state, key, trace, wall, cpu, (
@@ -64,17 +65,18 @@ pub(super) async fn claim(
          WHERE run.id = $1 AND state <> 'canceling' AND finished IS NULL";
         run
     );
-    let Some(row) = tx.db.row(query).await? else { return Ok(Err(Verdict::PassesOver)) };
+    let Some(row) = tx.db.row(query).await? else { return Ok(None) };
     let lost = row.get("lost")?;
-    match caution.on(lost) {
-        Verdict::Claims => {}
-        other => return Ok(Err(other)),
+    let verdict = caution.on(lost);
+    if verdict != Verdict::Claims {
+        waiting.must_wait = verdict == Verdict::Waits;
+        return Ok(None);
     }
     let mut after = before.clone();
     let number = match row.get("waiting")? {
-        Some(waiting) if lost > 0 || before.next >= before.chunks || !before.is_next_ready() => {
+        Some(queued) if lost > 0 || before.next >= before.chunks || !before.is_next_ready() => {
             after.queued -= 1;
-            waiting
+            queued
         }
         _ => {
             after.next += 1;
@@ -94,9 +96,9 @@ pub(super) async fn claim(
         tx.effects.push(Effect::Changed(row.get("key")?));
     }
     store(tx, run, (&before, &after)).await?;
-    Ok(Ok(Claimed::piece(
+    Ok(Some(Claimed::piece(
         run,
-        owner.to_owned(),
+        waiting.owner.clone(),
         (number, before.chunks),
         attempt.get("attempt")?,
         &row,

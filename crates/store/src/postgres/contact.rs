@@ -2,17 +2,13 @@
 //! other servers need time to renew their leases. Until then, this server does not treat an expired lease as lost. The
 //! same holds after a step of the clock of the database.
 
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use parking_lot::Mutex;
 use tokio::time::Instant;
 
-/// A difference of clocks of this many seconds is logged. A slow answer causes a smaller one.
-const APART: i64 = 5;
-
 /// The time for which the database has answered without a pause.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Contact {
     /// A pause that is at least this long interrupts the contact. A contact must last this long before leases are
     /// revoked.
@@ -21,8 +17,6 @@ pub(super) struct Contact {
     /// process. Leases are renewed so early that a smaller step of the clock ends none. Late answers also cause a
     /// difference.
     tolerance: Duration,
-    /// Whether the clock of this machine was far from that of the database at the last answer.
-    is_apart: AtomicBool,
     /// When the contact began, and the last answer.
     times: Mutex<Option<(Instant, DatabaseAnswer)>>,
 }
@@ -37,20 +31,12 @@ struct DatabaseAnswer {
 
 impl Contact {
     pub(super) fn new(lease: Duration) -> Self {
-        Self { enough: lease / 2, tolerance: lease / 3, ..Self::default() }
+        Self { enough: lease / 2, tolerance: lease / 3, times: Mutex::default() }
     }
 
     /// Records an answer of the database, whose clock shows this time. Returns whether the contact has lasted long
     /// enough to revoke leases.
     pub(super) fn goes_on(&self, clock: i64) -> bool {
-        let seconds = (clock - fretwork_job::clock::now()) / 1000;
-        let is_apart = seconds.abs() >= APART;
-        if !self.is_apart.swap(is_apart, Ordering::Relaxed) && is_apart {
-            tracing::warn!(
-                seconds,
-                "the clock of the database is ahead of the clock of this machine; set both by NTP"
-            );
-        }
         let now = DatabaseAnswer { at: Instant::now(), clock };
         let mut times = self.times.lock();
         let began =

@@ -35,7 +35,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
-use tokio::sync::{Mutex, Semaphore, watch};
+use tokio::sync::{RwLock, Semaphore, watch};
 use tokio::time::timeout;
 
 use crate::database::{
@@ -82,10 +82,8 @@ struct Parts {
     node: Node,
     backlog: Backlog,
     queue: Queue,
-    /// Locked by a claim that may take a part that was lost.
-    claiming_lost: Mutex<()>,
-    /// From when on such a part may be claimed.
-    settled: Instant,
+    /// Locked by claims: for writing by one that may take a part that was lost.
+    claiming: RwLock<()>,
     /// The name of the database for messages, without the password.
     name: String,
     /// The reason why this program may no longer write the tables, if there is one: a later version of the program has

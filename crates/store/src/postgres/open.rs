@@ -1,11 +1,11 @@
 //! Connects to the database, migrates it, and starts the tasks in the background.
 
 use std::sync::{Arc, OnceLock};
-use std::time::Instant;
+use std::time::Duration;
 
 use sqlx::postgres::PgConnection;
 use sqlx::{ConnectOptions as _, Connection as _};
-use tokio::sync::{Mutex, Semaphore, watch};
+use tokio::sync::{RwLock, Semaphore, watch};
 
 use super::backlog::Backlog;
 use super::contact::Contact;
@@ -23,6 +23,9 @@ const SCANS: usize = 3;
 /// The number of connections that may read large results at the same time.
 const LARGE: usize = 2;
 
+/// A larger difference of clocks is logged.
+const APART: Duration = Duration::from_secs(2);
+
 impl Database {
     pub(crate) async fn open(
         url: &DatabaseUrl,
@@ -31,6 +34,14 @@ impl Database {
     ) -> Result<Self> {
         let mut db = prepare(url).await?;
         let program = Program::this().id(&mut db).await?;
+        let clock: i64 = sqlx::query_scalar("SELECT moment()").fetch_one(&mut db).await?;
+        let apart = Duration::from_millis(clock.abs_diff(fretwork_job::clock::now()));
+        if apart >= APART {
+            tracing::warn!(
+                ?apart,
+                "the clock of the database differs from that of this machine; set both by NTP"
+            );
+        }
         db.close().await?;
         let Options { queue_limit, lease, .. } = *options;
         let (closing, closed) = watch::channel(false);
@@ -45,8 +56,7 @@ impl Database {
             node: Node { id: JobId::generate().to_string(), program, lease },
             backlog: Backlog::new(queue_limit),
             queue: Queue::default(),
-            claiming_lost: Mutex::default(),
-            settled: Instant::now() + options.settle,
+            claiming: RwLock::default(),
             name: url.to_string(),
             refusal: OnceLock::new(),
             disk: options.disk.clone(),

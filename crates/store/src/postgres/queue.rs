@@ -49,6 +49,8 @@ pub(super) struct Waiting {
     pub(super) places: [Vec<u8>; PRIORITIES],
     /// Whether this claim leaves the owner out, or has found no more parts of it.
     pub(super) is_done: bool,
+    /// Whether this claim takes nothing, because a part of this owner must run alone.
+    pub(super) must_wait: bool,
 }
 
 /// The owners with work. Among owners with equally many running parts and equal turns, the first one comes first.
@@ -66,12 +68,8 @@ impl Turns {
         for waiting in &mut self.owners {
             let used = usage(&waiting.owner);
             (waiting.usage, waiting.is_done) = (used.unwrap_or(0), used.is_none());
+            waiting.must_wait = false;
         }
-    }
-
-    /// Leaves out all owners.
-    pub(super) fn end(&mut self) {
-        self.owners.iter_mut().for_each(|waiting| waiting.is_done = true);
     }
 
     /// Whether all owners are left out.
@@ -151,7 +149,8 @@ impl Queue {
                 places[usize::from(row.get::<u8>("priority")?)] = row.get("id")?;
             }
             let running = row.get("running")?;
-            owners.push(Waiting { owner, usage: 0, running, turn, places, is_done: false });
+            let (usage, is_done, must_wait) = (0, false, false);
+            owners.push(Waiting { owner, usage, running, turn, places, is_done, must_wait });
         }
         Ok(Turns { owners, last, read: Some(Rest::since(begun)) })
     }

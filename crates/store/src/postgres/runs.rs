@@ -37,9 +37,10 @@ impl Database {
 
     /// Claims up to `most` queued runs, or a piece of a study, of these owners.
     pub(crate) async fn claim(&self, most: usize, owners: Owners) -> Result<Vec<Claimed>> {
-        // Of several claims at the same time, one may take a part that was lost.
-        let guard = self.0.claiming_lost.try_lock();
-        let is_settled = guard.is_ok() && Instant::now() >= self.0.settled;
+        // A claim that may take a part that was lost has no other claim of this process beside it.
+        let alone = self.0.claiming.try_write();
+        let _beside = if alone.is_err() { Some(self.0.claiming.read().await) } else { None };
+        let is_settled = alone.is_ok() && self.0.signals.is_settled();
         let caution = Caution::of(is_settled, self.0.signals.losses().into_iter());
         if caution.on(0) == Verdict::Waits {
             return Ok(Vec::new());
@@ -90,7 +91,8 @@ async fn claim(
         turns.rank(|owner| owners.usage_of(owner, &tx.of.signals.usage, now));
         let nobody_waits = turns.are_done();
         found.0 = claim_in_turn(tx, &mut turns, *most, *caution).await?;
-        let is_over = nobody_waits || !found.0.is_empty();
+        let must_wait = turns.owners.iter().any(|waiting| waiting.must_wait);
+        let is_over = nobody_waits || must_wait || !found.0.is_empty();
         found.1 = Some(turns);
         if is_over {
             break;
@@ -107,22 +109,18 @@ async fn claim_in_turn(
 ) -> Result<Vec<Claimed>> {
     let mut claims: Vec<Claimed> = Vec::new();
     let is_alone = |claimed: &Claimed| claimed.part().1.is_some() || claimed.lost > 0;
-    while claims.len() < most && !claims.iter().any(is_alone) {
+    'turns: while claims.len() < most && !claims.iter().any(is_alone) {
         let shares = turns.shares(most - claims.len());
         if shares.is_empty() {
             break;
         }
         for (place, share) in shares {
             let owner = &mut turns.owners[place];
-            let limits = (share, claims.is_empty());
-            let Some(found) = claim_of(tx, owner, limits, caution).await? else {
-                turns.end();
-                break;
-            };
+            let found = claim_of(tx, owner, (share, claims.is_empty()), caution).await?;
             owner.running += found.len() as u64;
             claims.extend(found);
-            if claims.iter().any(is_alone) {
-                break;
+            if owner.must_wait || claims.iter().any(is_alone) {
+                break 'turns;
             }
         }
     }
@@ -133,58 +131,54 @@ async fn claim_in_turn(
 }
 
 /// Claims up to `most` of the most urgent runs of an owner. A piece of a study, or a run that was lost, is claimed alone, if
-/// `is_first` is true. Returns `None` if the claim must wait for a part that must run alone.
+/// `is_first` is true.
 async fn claim_of(
     tx: &mut Transaction<'_>,
     waiting: &mut Waiting,
     (most, is_first): (usize, bool),
     caution: Caution,
-) -> Result<Option<Vec<Claimed>>> {
+) -> Result<Vec<Claimed>> {
     let next = sqlx::query(
         "SELECT next.* FROM unnest($3::BYTEA[]) WITH ORDINALITY AS place (first, number) CROSS JOIN LATERAL (
              (SELECT run, study, priority FROM job WHERE claimable = $1 AND owner = $2 AND priority = number - 1
                   AND NOT study AND id >= first ORDER BY id LIMIT 1)
              UNION ALL
              (SELECT run, study, priority FROM job WHERE claimable = $1 AND owner = $2 AND priority = number - 1
-                  AND study ORDER BY id LIMIT 1)) AS next
+                  AND study AND ($4 OR NOT EXISTS (
+                      SELECT 1 FROM chunk WHERE chunk.run = job.run AND chunk.state = 'queued' AND chunk.lost > 0))
+              ORDER BY id LIMIT 1)) AS next
          ORDER BY priority, study",
     );
     let next = next.bind(i64::from(ENGINE.numerics)).bind(&waiting.owner).bind(&waiting.places[..]);
+    let next = next.bind(caution.on(1) != Verdict::PassesOver);
     let mut claims = Vec::new();
     // Other workers may be about to claim all runs of a priority, so this goes on to the next one.
     for next in next.fetch_all(tx.db.connection()).await? {
         let next = Row::Postgres(next);
         if !next.get::<bool>("study")? {
             let limits = (most, is_first, caution);
-            match claim_whole(tx, waiting, next.get("priority")?, limits).await? {
-                Some(found) => claims = found,
-                None => return Ok(None),
-            }
+            claims = claim_whole(tx, waiting, next.get("priority")?, limits).await?;
         } else if is_first {
-            match chunks::claim(tx, RunId(next.get("run")?), &waiting.owner, caution).await? {
-                Ok(claimed) => claims.push(claimed),
-                Err(Verdict::Waits) => return Ok(None),
-                Err(_) => {}
-            }
+            claims.extend(chunks::claim(tx, RunId(next.get("run")?), waiting, caution).await?);
         } else {
             break;
         }
-        if !claims.is_empty() {
+        if waiting.must_wait || !claims.is_empty() {
             break;
         }
     }
     waiting.is_done = claims.is_empty();
     lease::begin(tx, &waiting.owner, &claims).await?;
-    Ok(Some(claims))
+    Ok(claims)
 }
 
-/// Claims up to `most` queued runs of an owner and a priority, which are not studies. Returns as [`claim_of`].
+/// Claims up to `most` queued runs of an owner and a priority, which are not studies.
 async fn claim_whole(
     tx: &mut Transaction<'_>,
     waiting: &mut Waiting,
     priority: u8,
     (most, is_first, caution): (usize, bool, Caution),
-) -> Result<Option<Vec<Claimed>>> {
+) -> Result<Vec<Claimed>> {
     // The limit is a part of the text, because it decides the plan of the query. There are few different ones.
     let query = format!(
         "SELECT run.id AS run, lost, job.id AS job FROM job JOIN run ON run.id = job.run
@@ -193,13 +187,13 @@ async fn claim_whole(
          ORDER BY job.id LIMIT {} FOR NO KEY UPDATE OF run SKIP LOCKED",
         1 << most.ilog2()
     );
-    let place = &mut waiting.places[usize::from(priority)];
+    let takes_lost = caution.on(1) != Verdict::PassesOver;
     let query = Statement::of(query)
         .with(ENGINE.numerics)
         .with(&waiting.owner)
         .with(priority)
-        .with(&*place)
-        .with(caution.on(1) != Verdict::PassesOver);
+        .with(&waiting.places[usize::from(priority)])
+        .with(takes_lost);
     let (mut runs, mut last) = (Vec::new(), None);
     for row in tx.db.rows(query).await? {
         // A run that was lost may have killed its node. It is claimed alone, so that it takes no other run with it.
@@ -208,8 +202,9 @@ async fn claim_whole(
         if was_lost && !(runs.is_empty() && is_first) {
             break;
         }
-        if caution.on(lost) == Verdict::Waits {
-            return Ok(None);
+        waiting.must_wait = caution.on(lost) == Verdict::Waits;
+        if waiting.must_wait {
+            return Ok(Vec::new());
         }
         runs.push(row.get::<i64>("run")?);
         last = Some(row.get::<Vec<u8>>("job")?);
@@ -217,8 +212,11 @@ async fn claim_whole(
             break;
         }
     }
-    let Some(last) = last else { return Ok(Some(Vec::new())) };
-    *place = last;
+    let Some(last) = last else { return Ok(Vec::new()) };
+    // No run that this claim has passed over is before the place.
+    if takes_lost {
+        waiting.places[usize::from(priority)] = last;
+    }
     let rows = sqlx::query(
         "UPDATE run SET state = 'running', attempt = attempt + 1, lost = lost + 1, progress = 0,
              started = moment(), changed = moment()
@@ -233,7 +231,7 @@ async fn claim_whole(
     }
     claims.sort_by_key(|claimed| runs.iter().position(|run| *run == claimed.run.0));
     follow(tx, &runs).await?;
-    Ok(Some(claims))
+    Ok(claims)
 }
 
 pub(crate) async fn progress(

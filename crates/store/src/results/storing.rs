@@ -319,11 +319,12 @@ pub(crate) async fn kept(
     };
     tx.effects.push(Effect::Recomputed { key, how });
     if finish == Finish::Same {
-        // If the stored body was damaged on the disk, this repairs it.
+        // If the stored body was damaged on the disk, this repairs it. If an import brought it, it is verified now.
         let repair = sql!(
             "" ["UPDATE result_blob SET body = $2 WHERE key = $1;" |
                 "WITH repaired AS (UPDATE result_blob SET body = $2 WHERE key = $1)"]
-            " UPDATE result SET checksum = $3, stored = " ["length" | "octet_length"] "($2) WHERE key = $1";
+            " UPDATE result SET checksum = $3, stored = " ["length" | "octet_length"] "($2),
+                 verified = CASE WHEN imported IS NOT NULL THEN 'all' END WHERE key = $1";
             key, &**answered.body.bytes(), answered.body.checksum()
         );
         tx.execute(repair).await?;

@@ -10,11 +10,10 @@ use crate::jobs::claimed::{Claim, Claimed, FinishedChunk, is_step};
 /// Claims a piece of a study: the chunk that was lost; if there is none, a new chunk of this stage; if there is none, a
 /// chunk that was released; if there is none, the assembly.
 pub(super) async fn claim(run: RunId, owner: String, tx: &mut Transaction) -> Result<Claimed> {
-    let (lost, times) = tx.queue.lost_part(run).unwrap_or_default();
     // If no piece can be claimed, the number is null. Then the constraint of the table makes this an error.
     let query = sql!(
         "INSERT INTO chunk (run, number, state, attempt)
-         SELECT $1, CASE WHEN $2 IS NOT NULL THEN $2 WHEN next < chunks AND NOT (
+         SELECT $1, CASE WHEN lost IS NOT NULL THEN lost WHEN next < chunks AND NOT (
                  ',' || stages || ',' LIKE '%,' || next || ',%'
                  AND EXISTS (SELECT 1 FROM chunk WHERE run = $1 AND state <> 'done')
              ) THEN next ELSE coalesce(
@@ -24,21 +23,24 @@ pub(super) async fn claim(run: RunId, owner: String, tx: &mut Transaction) -> Re
                  (SELECT chunks WHERE next = chunks AND NOT EXISTS (
                       SELECT 1 FROM chunk WHERE run = $1 AND state <> 'done'))
              ) END, 'running', 1
-         FROM (SELECT chunks, stages, coalesce((SELECT max(number) + 1 FROM chunk WHERE run = $1), 0) AS next
+         FROM (SELECT chunks, stages, coalesce((SELECT max(number) + 1 FROM chunk WHERE run = $1), 0) AS next,
+                   (SELECT number FROM chunk WHERE run = $1 AND state = 'queued' AND state <> 'done' AND lost > 0
+                    ORDER BY lost DESC, number LIMIT 1) AS lost
                FROM study WHERE run = $1)
          WHERE TRUE
          ON CONFLICT (run, number) DO UPDATE SET state = 'running', attempt = attempt + 1
-         RETURNING number, attempt";
-        run, lost
+         RETURNING number, attempt, lost";
+        run
     );
     let row = tx.db.one(query).await?;
     let (number, attempt): (u32, u32) = (row.get("number")?, row.get("attempt")?);
+    let lost: u32 = row.get("lost")?;
     if number == 0 {
         start(run, tx).await?;
     }
     let query = sql!(
         "SELECT $2 AS lost, key, trace, chunks, wall, cpu FROM run JOIN study ON study.run = run.id WHERE id = $1";
-        run, times
+        run, lost
     );
     let row = tx.db.one(query).await?;
     Ok(Claimed::piece(run, owner, (number, row.get("chunks")?), attempt, &row)?)

@@ -80,9 +80,9 @@ impl Database {
         // A new database has no stored time.
         let clock = db.one(sql!("SELECT clock FROM room")).await?.get("clock")?;
         let maintenance = Maintenance::new(options.keep_jobs, options.budget, AgeClock::at(clock));
-        let (queue_limit, settled) = (options.queue_limit, Instant::now() + options.settle);
+        let queue_limit = options.queue_limit;
         let effects = Vec::new();
-        let tx = Transaction { db, now: now(), queue, queue_limit, settled, program, effects };
+        let tx = Transaction { db, now: now(), queue, queue_limit, program, effects };
         let log = Log::new(with_suffix(&path, "-wal"), log_pages * PAGE);
         let writer =
             Writer::new(tx, Arc::clone(&signals), maintenance, (ledger, log, files)).start();

@@ -160,7 +160,7 @@ impl Queue {
     ) -> Option<(RunId, String)> {
         let running = self.working.keys().map(|part| self.lost.get(part).copied().unwrap_or(0));
         let caution = Caution::of(is_settled, running);
-        let verdict = |run| caution.on(self.lost_part(run).map_or(0, |(_, lost)| lost));
+        let verdict = |run| caution.on(self.lost(run));
         let waiting = self.lanes.iter().filter_map(|(owner, lane)| {
             let usage = usage(owner)?;
             let may = |(_, run): &(_, &RunId)| verdict(**run) != Verdict::PassesOver;
@@ -171,12 +171,11 @@ impl Queue {
         (verdict(run) == Verdict::Claims).then(|| (run, owner.clone()))
     }
 
-    /// The first waiting part of a run that was lost, and how often. Of a study, this part comes first.
-    pub(super) fn lost_part(&self, run: RunId) -> Option<(Option<u32>, u32)> {
-        let mut parts = self.lost.range((run, None)..=(run, Some(u32::MAX)));
-        parts
-            .find(|(part, _)| !self.working.contains_key(part))
-            .map(|((_, number), lost)| (*number, *lost))
+    /// How often the next part of a run was lost: of a study, the waiting one that was lost most often.
+    fn lost(&self, run: RunId) -> u32 {
+        let parts = self.lost.range((run, None)..=(run, Some(u32::MAX)));
+        let waiting = parts.filter(|(part, _)| !self.working.contains_key(part));
+        waiting.map(|(_, lost)| *lost).max().unwrap_or(0)
     }
 
     /// Records that the next part was claimed in the turn of this owner. The part is running from now on.
@@ -255,7 +254,8 @@ impl Queue {
         self.working.insert(part, owner);
     }
 
-    fn rest(&mut self, part: RunPart) {
+    /// Records that a part is no longer running.
+    pub(super) fn rest(&mut self, part: RunPart) {
         let Some(owner) = self.working.remove(&part) else { return };
         self.lane(&owner).working -= 1;
         self.tidy(&owner);
@@ -501,7 +501,7 @@ mod tests {
         assert_eq!(next(&queue, false), Some((RunId(3), "bob".into())));
         queue.take((RunId(3), None), "bob".into());
         assert_eq!(next(&queue, true), Some((RunId(1), "ada".into())));
-        assert_eq!(queue.lost_part(RunId(1)), Some((Some(0), 1)));
+        assert_eq!(queue.lost(RunId(1)), 1);
         queue.take((RunId(1), Some(0)), "ada".into());
         // No second part that was lost runs beside the first one, but other pieces do.
         assert_eq!(take(&mut queue), Some((RunId(1), Some(1))));

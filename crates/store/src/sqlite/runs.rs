@@ -38,7 +38,7 @@ async fn claim(
 ) -> Result<Option<Claimed>> {
     let now = Instant::now();
     let usage = |owner: &str| owners.usage_of(owner, &signals.usage, now);
-    let next = tx.queue.next(usage, now >= tx.settled);
+    let next = tx.queue.next(usage, signals.is_settled());
     let Some((run, owner)) = next else { return Ok(None) };
     let claimed = if tx.queue.is_study(run) {
         chunks::claim(run, owner, tx).await?
@@ -202,7 +202,11 @@ async fn end(tx: &mut Transaction, update: Statement, run: RunId, ending: Ending
 fn ended(tx: &mut Transaction, run: RunId, key: Key, started: Option<i64>, ending: Ending) {
     // The duration of a study is not recorded, because it may have waited between its pieces.
     let started = started.filter(|_| !tx.queue.is_study(run));
-    tx.queue.end(run);
+    if ending == Ending::Released {
+        tx.queue.rest((run, None));
+    } else {
+        tx.queue.end(run);
+    }
     tx.effects.push(Effect::Unwanted(run));
     tx.effects.push(Effect::Ended(key));
     tx.effects.push(Effect::Settled(ending, started.map(|started| tx.now - started)));

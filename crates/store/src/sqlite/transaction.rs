@@ -1,7 +1,5 @@
 //! A transaction of the writer task.
 
-use std::time::Instant;
-
 use sqlx::SqliteConnection;
 
 use super::queue::Queue;
@@ -16,8 +14,6 @@ pub(crate) struct Transaction {
     pub(super) queue: Queue,
     /// Maximum number of queued jobs.
     pub(super) queue_limit: usize,
-    /// From when on a part that was lost may be claimed.
-    pub(super) settled: Instant,
     /// The id of the row of this program in the table `program`.
     pub(super) program: i64,
     /// The signals that are sent after the commit.

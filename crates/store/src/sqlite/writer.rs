@@ -431,8 +431,8 @@ mod tests {
         let queue = Queue::default();
         let ledger = Ledger::open(tempfile::tempfile().unwrap(), &mut db).await.unwrap();
         let maintenance = Maintenance::new(None, None, AgeClock::at(None));
-        let (queue_limit, settled, effects) = (1, std::time::Instant::now(), Vec::new());
-        let tx = Transaction { db, now: 0, queue, queue_limit, settled, program: 1, effects };
+        let (queue_limit, effects) = (1, Vec::new());
+        let tx = Transaction { db, now: 0, queue, queue_limit, program: 1, effects };
         let parts = (ledger, Log::new("".into(), 0), Files::default());
         Writer::new(tx, Arc::default(), maintenance, parts)
     }

@@ -182,7 +182,7 @@ pub fn unverified(verified: Option<Verified>) -> Option<Value> {
     };
     let detail = format!(
         "The result was imported from a file, and this server {checked}. Trust it as much as you trust the file. To verify \
-         it, an administrator deletes it and submits its scenario again."
+         it, submit its scenario with `Cache-Control: no-cache`."
     );
     Some(json!({"kind": "unverified", "detail": detail}))
 }

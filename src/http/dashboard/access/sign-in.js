@@ -58,16 +58,11 @@ function leave() {
   document.getElementById("key-reason")?.replaceChildren(LEFT);
 }
 
-function enter() {
-  hasLeft = false;
-  count += 1;
-}
-
 tabs.addEventListener("message", async ({ data }) => {
   if (data === SIGNED_OUT) leave();
   await readCaller();
-  if (!signedIn()) return;
-  enter();
+  if (data === SIGNED_OUT || !signedIn()) return;
+  [hasLeft, count] = [false, count + 1];
   closeDialog?.();
 });
 
@@ -108,7 +103,7 @@ async function ask(why) {
     if (entered === null) break;
     text = await begin(entered);
     if (text) continue;
-    enter();
+    [hasLeft, count] = [false, count + 1];
     await readCaller();
     tabs.postMessage("in");
   }
