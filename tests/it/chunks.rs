@@ -147,7 +147,18 @@ async fn a_cancelled_study_ends_at_once_and_stops_all_its_workers(on: Engine) {
     // A later submission of the same study starts a new run.
     let again = accepted(store.submit(study(1, 5)).await);
     assert_eq!((again.origin, again.state), (Origin::Computed, JobState::Queued));
-    assert_ne!(claim_chunk(&store, 0).await.run, third.run);
+    let next = claim_chunk(&store, 0).await;
+    assert_ne!(next.run, third.run);
+    // It continues from the chunks that were finished, if its chunks are the same.
+    let known = store.canceled_chunk(&next, 0, 5).await.unwrap();
+    assert_eq!(known.as_deref(), Some(&b"1,2"[..]));
+    for (number, of) in [(1, 5), (2, 5), (0, 6)] {
+        assert_eq!(
+            store.canceled_chunk(&next, number, of).await.unwrap(),
+            None,
+            "{number} of {of}"
+        );
+    }
 }
 
 async fn a_piece_that_fails_ends_its_study_and_stops_the_other_workers(on: Engine) {

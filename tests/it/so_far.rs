@@ -1,14 +1,20 @@
 //! The rows of a run while it is computed.
 
+use std::num::NonZeroU32;
 use std::sync::Arc;
 
 use fretwork::http::Origins;
+use fretwork::service::workers::Workers;
+use fretwork::service::{Service, WorkLimits};
 use fretwork_engine::outcome::History;
-use fretwork_job::{Begin, Step, Task, Work};
+use fretwork_job::{Begin, Cost, JobState, Prepared, Step, Submission, Task, Work};
+use fretwork_store::{NewJob, StoredResult};
+use fretwork_study::{Points, Rows};
 use serde_json::{Value, json};
 
 use crate::keeping::eventually;
 use crate::server::{Gate, JSON, Server, example};
+use crate::store::{accepted, cancel, claim, fresh, job, new_job};
 use crate::studies::long_sweep;
 
 /// A run that pauses after its first rows, until its gate opens.
@@ -117,4 +123,40 @@ async fn a_study_shows_its_rows_while_it_runs_and_after_it_was_canceled() {
     assert_eq!(table["wear_volume"][last], one["outputs"]["wear_volume"]);
     assert_eq!(server.send("DELETE", address, &[], "").await.status, 204);
     server.get(&so_far).await.problem(404, "not-found");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_canceled_study_continues_from_its_points() {
+    let (_dir, store) = fresh().await;
+    let Prepared { key, stored, task, .. } =
+        Submission::parse(long_sweep(400).to_string().as_bytes()).unwrap().prepared;
+    let Task::Study(study) = task else { panic!("a run") };
+    let asked =
+        || NewJob { key, task: stored.to_string(), chunks: NonZeroU32::new(4), ..new_job(1) };
+    let first = accepted(store.submit(asked()).await);
+    let mut points = Points::chunk(study, 0, 4, Rows::default());
+    let rows = loop {
+        if let Some(rows) = points.step() {
+            break rows;
+        }
+    };
+    // A number that no computation gives shows where the chunk of the result comes from.
+    let mut rows: Value = serde_json::from_slice(&rows.to_bytes()).unwrap();
+    let column = rows["columns"].as_array_mut().unwrap().last_mut().unwrap();
+    *column = format!("12345{}", column.as_str().unwrap().trim_start_matches(|c| c != ',')).into();
+    let claimed = claim(&store).await;
+    assert!(store.finish_chunk(&claimed, rows.to_string().as_bytes(), Cost::ZERO).await.unwrap());
+    assert_eq!(cancel(&store, first.id).await, JobState::Canceled);
+
+    let again = accepted(store.submit(asked()).await);
+    let limits = WorkLimits::default();
+    let service = Service::new(store.clone(), Arc::new(Task::start), 2, limits);
+    let _workers = Workers::start(&store, 2, limits, &service.compute()).unwrap();
+    eventually(async || job(&store, again.id).await.state == JobState::Succeeded).await;
+    let Some(StoredResult::Whole(body)) = store.result(&key).await.unwrap() else {
+        panic!("no result")
+    };
+    let result: Value = serde_json::from_slice(&body.json().unwrap()).unwrap();
+    let table = result["table"].as_object().unwrap();
+    assert!(table.values().any(|column| column[0] == 12345), "{table:?}");
 }

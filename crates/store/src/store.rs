@@ -242,6 +242,20 @@ impl Store {
         })
     }
 
+    /// The stored data of a chunk of a canceled study with this key, of which a claimed chunk is part; `None` if there is none, or it is
+    /// damaged.
+    pub fn canceled_chunk<'a>(
+        &'a self,
+        claimed: &'a Claimed,
+        number: u32,
+        of: u32,
+    ) -> Doing<'a, Option<Bytes>> {
+        Box::pin(async move {
+            let found = read::canceled_chunk(&claimed.key, number, of, self.reading()).await?;
+            Ok(found.filter(|(body, sum)| sum.is_of(body)).and_then(|(body, _)| body.json().ok()))
+        })
+    }
+
     /// The study of a job, if it is being computed or was canceled; `None` otherwise.
     pub fn unfinished_study(&self, id: JobId) -> Doing<'_, Option<Unfinished>> {
         Box::pin(read::unfinished_study(id, self.reading()))

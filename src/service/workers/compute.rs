@@ -38,6 +38,15 @@ impl Worker {
     fn compute_chunk(&self, claimed: &Claimed, number: u32, of: u32) -> Result<Made, NotMade> {
         let study = self.study(claimed)?;
         let watch = Stopwatch::start();
+        // A study that was canceled has computed its first chunks.
+        let known = self.runtime.block_on(self.store.canceled_chunk(claimed, number, of));
+        if let Ok(Some(bytes)) = known
+            && Rows::from_bytes(&bytes).is_some_and(|rows| {
+                rows.count == study.points_of(number as usize, of as usize).len()
+            })
+        {
+            return Ok(Made::Rows(bytes.to_vec(), self.cost(watch)));
+        }
         let mut earlier = Rows::default();
         for number in 0..study.earlier_chunks(number as usize, of as usize) as u32 {
             earlier.append(&self.stored_rows(claimed, number)?);

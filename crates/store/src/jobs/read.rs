@@ -262,6 +262,23 @@ pub(crate) async fn chunk(
     Ok(Some((Body::stored(row.get("body")?), Sum::Check(row.get("checksum")?))))
 }
 
+/// The stored data of a finished chunk of a canceled study with this key and number of chunks, and its hash.
+pub(crate) async fn canceled_chunk(
+    key: &Key,
+    number: u32,
+    of: u32,
+    mut db: impl Tables,
+) -> Result<Option<(Body, Sum)>> {
+    // Only unfinished studies, and those of a week, have a row in `study`.
+    let query = sql!(
+        "SELECT body, checksum FROM study JOIN run ON run.id = study.run JOIN chunk ON chunk.run = run.id
+         WHERE run.key = $1 AND run.state = 'canceled' AND chunks = $3 AND number = $2 AND chunk.state = 'done' LIMIT 1";
+        key, number, of
+    );
+    let Some(row) = db.row(query).await? else { return Ok(None) };
+    Ok(Some((Body::stored(row.get("body")?), Sum::Check(row.get("checksum")?))))
+}
+
 /// A study that is being computed or was canceled.
 #[derive(Debug)]
 pub struct Unfinished {

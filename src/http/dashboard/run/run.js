@@ -6,8 +6,9 @@ import { may } from "../access/allowed.js";
 import { events, get, jobAddress, post } from "../access/api.js";
 import { errorCard } from "../access/error.js";
 import { drawSource } from "../library/derived.js";
-import { entryOf, nameOf, sourceOf, subtitle, title } from "../library/summary.js";
+import { entryOf, kindOf, nameOf, sourceOf, subtitle, title } from "../library/summary.js";
 import { editLink } from "../study/vary.js";
+import { submitStudy } from "./again.js";
 import { drawEstimate } from "./estimate.js";
 import { SoFar } from "./so-far.js";
 
@@ -31,6 +32,7 @@ class RemainingTime {
 export async function showRun(main, { id, query, signal }) {
   const address = jobAddress(id);
   let job = await get(`${address}?include=submitted,scenario`, { signal });
+  const first = job;
   const { scenario } = job;
   const name = nameOf(job);
   const remaining = new RemainingTime();
@@ -72,8 +74,8 @@ export async function showRun(main, { id, query, signal }) {
     if (job.state === "canceled") {
       const { computed, points } = soFar.counts;
       fill(outcome, h("section", { class: "card" }, h("p", {}, soFar.hasPoints
-        ? `This study was canceled. ${cycles(computed)} of ${cycles(points)} points were computed before. They stay readable for a week.` : "This run was canceled. It has no result."),
-        h("div", { class: "row" }, soFar.hasPoints && button("Points as CSV", () => soFar.save()), h("a", { class: "button", href: "#/runs" }, "Open the list of runs"))));
+        ? `This study was canceled. ${cycles(computed)} of ${cycles(points)} points were computed before. They stay for a week, in which the same study continues from them.` : "This run was canceled. It has no result."),
+        h("div", { class: "row" }, soFar.hasPoints && may("submit") && submitStudy("Continue", kindOf(first), first), soFar.hasPoints && button("Points as CSV", () => soFar.save()), h("a", { class: "button", href: "#/runs" }, "Open the list of runs"))));
     }
   }
 
@@ -95,7 +97,7 @@ export async function showRun(main, { id, query, signal }) {
     const checked = await post("/v1/scenarios", { scenario }, { signal });
     const { cycles: outputs, model } = checked.scenario;
     fill(summary, h("h2", {}, "Scenario"), h("p", {}, title(entryOf(checked))), h("p", {}, subtitle(entryOf(checked))),
-      list([["Output cycles", `${outputs.length}, the last at N\u00a0=\u00a0${cycles(outputs.at(-1))}`], ["Output radii", model.points]]));
+      list([["Output cycles", `${outputs.length}, the last at N\u00a0=\u00a0${cycles(outputs.at(-1))}`], ["Points of a profile", model.points]]));
     drawEstimate(estimate, checked);
     summary.hidden = estimate.hidden = false;
   }

@@ -4,7 +4,6 @@ import { choice, h, select, tableOf } from "../page/dom.js";
 import { italics } from "../quantities/explain.js";
 import { axisUnit, columnOf, digits, withUnit } from "../quantities/scaling.js";
 import { cycles } from "../quantities/units.js";
-import { get } from "../access/api.js";
 import { histogram } from "./bars.js";
 import { Chart } from "./chart.js";
 
@@ -24,10 +23,35 @@ function ofOutput(columns, output) {
   return Object.fromEntries(Object.entries(columns).map(([name, values]) => [name, rows.map((row) => values[row])]));
 }
 
-/** Loads the statistics of a result at `address`, and returns their card. `words` are parameters of the address. */
-export async function statisticsOf(view, address, words, { isSample, signal }) {
-  const asked = (part) => get(`${address}/${part}?${words}`, { signal });
-  const [{ statistics }, { histogram: bins }] = await Promise.all([asked("statistics"), asked("histogram")]);
+const SHARES = { minimum: 0, percentile_2_5: 0.025, percentile_5: 0.05, percentile_25: 0.25, median: 0.5, percentile_75: 0.75, percentile_95: 0.95, percentile_97_5: 0.975, maximum: 1 };
+/** Maximum number of bins. */
+const BINS = 50;
+
+/** The value below which a share of sorted values lies. */
+const percentile = (values, share, at = share * (values.length - 1)) => values[Math.floor(at)] + (at % 1) * (values[Math.ceil(at)] - values[Math.floor(at)]);
+
+/** The statistics of the outputs of a view, as the server computes those of a result. Only the server knows intervals of percentiles. */
+export function summarized({ outputs, table }) {
+  const statistics = { output: [], points: [], ...Object.fromEntries(STATISTICS.map(([name]) => [name, []])) };
+  const bins = { output: [], from: [], to: [], points: [] };
+  const add = (columns, row) => Object.entries(row).forEach(([name, value]) => columns[name].push(value));
+  for (const output of outputs) {
+    const values = table[output].filter(Number.isFinite).sort((a, b) => a - b);
+    const n = values.length;
+    if (n === 0) continue;
+    const mean = values.reduce((sum, value) => sum + value / n, 0);
+    add(statistics, { output, points: n, mean, standard_deviation: n > 1 ? Math.sqrt(values.reduce((sum, value) => sum + (value - mean) ** 2 / (n - 1), 0)) : null,
+      ...Object.fromEntries(Object.entries(SHARES).map(([name, share]) => [name, percentile(values, share)])) });
+    const [low, high] = [values[0], values[n - 1]];
+    const count = high > low ? Math.min(BINS, Math.ceil(Math.sqrt(n))) : 1;
+    const place = (value) => (high > low ? Math.min(count - 1, Math.floor(count * (value - low) / (high - low))) : 0);
+    for (let i = 0; i < count; i += 1) add(bins, { output, from: low + (high - low) * i / count, to: low + (high - low) * (i + 1) / count, points: values.filter((value) => place(value) === i).length });
+  }
+  return { statistics, bins };
+}
+
+/** The statistics of a view and its histograms, with the choice of an output. */
+export function statisticsOf(view, { statistics, bins }, { isSample, signal }) {
   let output = statistics.output[0];
   const chart = new Chart({ name: "histogram", signal, open: null });
   const headline = h("p", { class: "likely", id: "ninety" });
@@ -43,7 +67,7 @@ export async function statisticsOf(view, address, words, { isSample, signal }) {
   function draw() {
     const at = statistics.output.indexOf(output);
     const unit = view.units[output] ?? "1";
-    const value = (name) => statistics[name][at];
+    const value = (name) => statistics[name]?.[at];
     // All in the unit of the median.
     const inUnit = columnOf(unit, [value("median")]);
     const shown = (name) => inUnit(value(name));
@@ -54,7 +78,7 @@ export async function statisticsOf(view, address, words, { isSample, signal }) {
       : ["No point has this output."]));
     const between = (name) => `between ${shown(`${name}_low`)} and ${shown(`${name}_high`)}`;
     const known = (share, low, high) => `the lower end of the ${share}\u00a0% is known to lie ${between(low)}, and the upper end ${between(high)}`;
-    certainty.textContent = !isSample || !count ? "" : value("percentile_5_low") == null ? `${cycles(count)} points are too few to say how well these ends are known. Take at least 128.`
+    certainty.textContent = !isSample || !count ? "" : value("percentile_5_low") == null ? statistics.percentile_5_low && `${cycles(count)} points are too few to say how well these ends are known. Take at least 128.`
       : `With ${cycles(count)} points, ${known(90, "percentile_5", "percentile_95")}${value("percentile_2_5_low") == null ? ". They are too few for the ends of the 95\u00a0%."
         : `; ${known(95, "percentile_2_5", "percentile_97_5")}.`} The confidence is 95\u00a0%.`;
     tiles.replaceChildren(...TILES.map((name) => h("div", {}, h("dt", {}, STATISTICS.find(([own]) => own === name)[1]), h("dd", { "data-statistic": name }, shown(name)))));
