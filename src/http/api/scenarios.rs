@@ -47,6 +47,7 @@ pub static EXAMPLES: &[Example] = examples!(
     "run-in",
     "measured-friction",
     "paper-figure-3",
+    "paper-figure-3-printed",
     "paper-figure-4"
 );
 
