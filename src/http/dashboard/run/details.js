@@ -8,10 +8,10 @@ import { unitFor } from "../quantities/scaling.js";
 import { sizeOf } from "../figure/run.js";
 import { depthOrForce, NEEDS_REFERENCE } from "./estimate.js";
 import { sketch } from "./sketch.js";
-import { drawWarnings, isAtNumber } from "./warnings.js";
+import { drawWarning, drawWarnings, isAtNumber, isOfBodies } from "./warnings.js";
 
-/** Warnings that do not stand at a number of the headline. */
-const isElsewhere = (warning) => !isAtNumber(warning);
+/** Warnings that do not stand at a number of the headline or of a body. */
+const isElsewhere = (warning) => !isAtNumber(warning) && !isOfBodies(warning);
 
 const card = (title, ...children) => h("section", { class: "card" }, h("h2", {}, title), ...children);
 
@@ -40,29 +40,33 @@ export function drawDetails(place, result, submitted, bodyWarnings) {
       accuracy.wear_depth_error != null && ["Largest numerical error of the depth", percent(accuracy.wear_depth_error)],
       isRule && ["Expected error of the rule", accuracy.model_error == null ? "unknown" : percent(accuracy.model_error)],
       [isRule ? "Energy mismatch of the rule" : "Energy balance error", percent(accuracy.energy_mismatch)],
-      accuracy.steps != null && ["Time steps", digits(accuracy.steps)]]),
+      accuracy.steps != null && ["Time steps", digits(accuracy.steps)],
+      ["Version of the solver", result.engine.numerics]]),
     isRule && h("p", { class: "muted" }, "The default choice is the exact method. The simplified rule is kept for comparison with the paper. ",
       "It is fast only with depth and amplitude held. It satisfies the energy balance V = (k_w/μ)·ΣW only approximately. ",
       "The mismatch shows by how much. To measure the error of the rule, run the exact method and compare it with the rule."),
-    drawWarnings(warnings.filter(isElsewhere)),
-    drawWarnings(bodyWarnings.list.filter(isElsewhere), bodyWarnings.title),
+    drawWarnings(warnings.filter(isElsewhere), { scenario }),
+    drawWarnings(bodyWarnings.list.filter(isElsewhere), { scenario }, bodyWarnings.title),
     explained("accuracy", "How accurate a result is")),
     events.length > 0 && card("Events", h("ul", { id: "events" }, events.map((event) =>
-      h("li", {}, `${eventWords(event)} at N = ${cycles(Math.round(event.cycles))}`))), explained("results#events", "What the events mean")),
+      h("li", {}, `${eventWords(event, scales.contact_radius)} at N = ${cycles(Math.round(event.cycles))}`))), explained("results#events", "What the events mean")),
     comparison && drawComparison(comparison),
     bodies && card("Wear of each body", list(bodies.flatMap((body, i) => [
       body.share !== undefined && [`Body ${i + 1}, share ${percent(body.share)}`,
         `${inUnits("wear_depth", body.wear_depth.at(-1))}, ${inUnits("wear_volume", body.wear_volume.at(-1))}`],
       body.scar_half_length && [`Body ${i + 1} (${i ? "counterbody" : "with the profile"}), half-length of the scar`,
-        inUnits("scar_half_length", body.scar_half_length.at(-1))]]))),
+        inUnits("scar_half_length", body.scar_half_length.at(-1))]])), warnings.filter(isOfBodies).map((warning) => drawWarning(warning, { scenario }))),
     drawInputs(submitted ?? scenario),
     asJson("Scenario", scenario),
   ].filter(Boolean));
 }
 
+/** Share of the contact radius within which a place is the middle. */
+const NEAR = 0.01;
+
 /** An event in words. Bodies and layers are counted from 1. */
-const eventWords = ({ kind, body, layer, radius }) => (kind !== "layer_worn_through" ? WORDS[kind]
-  : `Layer ${layer + 1} of body ${body + 1} worn through ${radius > 0 ? `${quantity(radius, "m")} from the middle` : "in the middle"},`);
+const eventWords = ({ kind, body, layer, radius }, width) => (kind !== "layer_worn_through" ? WORDS[kind]
+  : `Layer ${layer + 1} of body ${body + 1} worn through ${radius > NEAR * width ? `${quantity(radius, "m", 3)} from the middle` : "in the middle"},`);
 
 /** The errors of the simplified rule at each output cycle. */
 function drawComparison({ history, errors, xi, best_xi: bestXi, best_error: bestError }) {

@@ -3,7 +3,7 @@
 import { fill, h, list } from "../page/dom.js";
 import { cycles, digits, duration, isLine, quantity, wordOf, WORDS } from "../quantities/units.js";
 import { sketch } from "./sketch.js";
-import { drawWarnings } from "./warnings.js";
+import { drawWarnings, isSmall } from "./warnings.js";
 
 /** Operations of an estimate that take a second. */
 const OPERATIONS_PER_SECOND = 1e9;
@@ -22,6 +22,7 @@ export const timeOf = ({ operations }) => {
 
 /** Draws the response of `POST /v1/scenarios`. */
 export function drawEstimate(place, { scenario, scales, unworn, limit, cost, regime, warnings, cached }) {
+  const first = scenario.cycles.find?.((at) => at > 0);
   fill(place, h("h2", {}, "Estimate"), sketch({ scenario, scales, unworn }), list([
     ["Regime, unworn", WORDS[regime], "regime"],
     [`${wordOf("contact_radius", scenario)} a₀`, quantity(scales.contact_radius, "m"), "contact-radius"],
@@ -36,7 +37,7 @@ export function drawEstimate(place, { scenario, scales, unworn, limit, cost, reg
     ["Estimated time", timeOf(cost), "seconds"],
     ["Result size", `${prefixed(cost.answer_bytes)}B`],
     ["Already computed", cached ? "Yes" : "No", "cached"],
-  ]), drawWarnings(warnings));
+  ]), drawWarnings(warnings.filter((own) => !isSmall(own, first)), { scenario, at: first }));
 }
 
 /** The indentation depth, or the force per length of a line contact, which has no depth of its own. */

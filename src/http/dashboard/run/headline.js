@@ -5,7 +5,7 @@ import { term, withMeaning } from "../quantities/explain.js";
 import { cycles, percent, wordOf, WORDS } from "../quantities/units.js";
 import { unitFor } from "../quantities/scaling.js";
 import { sizeOf } from "../figure/run.js";
-import { drawWarning, fieldAt, numberOf, visit } from "./warnings.js";
+import { drawWarning, fieldAt, isSmall, numberOf, visit } from "./warnings.js";
 
 const FIRST = ["wear_depth", "wear_volume"];
 const OTHERS = ["scar_radius", "contact_radius", "stick_radius", "indentation_depth", "normal_force", "tangential_force",
@@ -42,9 +42,10 @@ export function regimeAt({ regime, events, history }, row, at) {
 }
 
 /** Draws the numbers at the row of the history into two lists, and the warnings into a third. */
-export function drawHeadline({ first, others, notes }, result, row, warnings) {
+export function drawHeadline({ first, others, notes }, result, row, allWarnings) {
   const { history, units, scenario, accuracy, unworn } = result;
   const at = history.cycles[row];
+  const warnings = allWarnings.filter((own) => !isSmall(own, at));
   // The unit stays while the slider moves.
   const shown = (name) => unitFor(units[name], sizeOf(result, name))(history[name]?.[row], 3);
   const marked = (name) => warnings.some((warning) => numberOf(warning) === name)
@@ -79,6 +80,6 @@ export function drawHeadline({ first, others, notes }, result, row, warnings) {
   const concerned = [...FIRST, "regime", ...OTHERS].map((name) => [name, warnings.filter((warning) => numberOf(warning) === name)])
     .filter(([, own]) => own.length);
   fill(notes, concerned.map(([name, own]) => h("div", { id: `warning-${name}`, tabIndex: -1, class: "warning" },
-    h("strong", {}, `⚠ ${name === "regime" ? "Regime" : wordOf(name, scenario)}: `), own.map(drawWarning))),
+    h("strong", {}, `⚠ ${name === "regime" ? "Regime" : wordOf(name, scenario)}: `), own.map((warning) => drawWarning(warning, { scenario, at })))),
   concerned.length > 0 && explained("accuracy#warnings", "What the warnings mean"));
 }

@@ -18,7 +18,7 @@ import { drawHeadline } from "./headline.js";
 import { profileMenu, rowsOfText, textOfRows } from "./profile-menu.js";
 import { Section } from "./section.js";
 import { patience, smooth } from "./smooth.js";
-import { isAtNumber } from "./warnings.js";
+import { drawWarning, isAtNumber, ownWarnings } from "./warnings.js";
 
 /** The label, the source and the submitted scenario of a job, by default of the latest job of the result. With `id`, also its warnings. */
 async function loadJob(key, id, signal) {
@@ -69,7 +69,7 @@ export async function showResult(main, { id: key, query, signal }) {
   const kind = kindOf(result);
   const { trust, bodies } = await loadWarnings(key, link, signal);
   if (kind === "fit") return (await import("../fit/page.js")).showFit(main, result, { job, link, trust, signal });
-  if (kind) return (await import("../study/study.js")).showStudy(main, result, { job, link, trust, query, signal });
+  if (kind) return (await import("../study/study.js")).showStudy(main, result, { job, link, trust, query, tell: drawWarning, signal });
   const bodyWarnings = bodyWarningsOf(result, job, bodies);
   result.warnings.push(...trust);
   const smoothing = smooth([{ result, link }], signal).then(() => true);
@@ -103,7 +103,7 @@ export async function showResult(main, { id: key, query, signal }) {
     step: 1, oninput: () => showRow(Number(slider.value)), onchange: remember });
   const position = h("output", { for: "output", id: "at" });
   const headline = { first: h("dl", { class: "headline", id: "headline" }), others: h("dl", { class: "tiles", id: "readout" }), notes: h("div", { class: "notes", id: "number-warnings" }) };
-  const numberWarnings = [...result.warnings, ...bodyWarnings.list].filter(isAtNumber);
+  const numberWarnings = [...result.warnings, ...bodyWarnings.list, ...ownWarnings(job.submitted ?? job.typed, result)].filter(isAtNumber);
   const showRow = (row) => {
     state.row = row;
     slider.value = row;
@@ -162,7 +162,7 @@ export async function showResult(main, { id: key, query, signal }) {
       h("h1", {}, heading),
       job.label && h("p", { id: "result-label" }, job.label),
       derived,
-      h("p", { class: "muted" }, `${subtitle(entryOf(result))} · numerics version ${result.engine.numerics} · `, h("code", {}, key.slice(0, 12)), "…"),
+      h("p", { class: "muted" }, `${subtitle(entryOf(result))}`),
       drawStamp(signal)),
     drawActions(result, { job, link, form: editLink({ ...result, ...job, submitted: job.submitted ?? job.typed }), remember, signal })),
     h("section", { class: "card output", "aria-label": "Output cycle" },

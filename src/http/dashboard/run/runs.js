@@ -6,7 +6,7 @@ import { columnOf } from "../quantities/scaling.js";
 import { may } from "../access/allowed.js";
 import { get, jobAddress, post, send } from "../access/api.js";
 import { saveAs } from "../figure/save.js";
-import { isDraft, knownName, loadNames } from "../library/summary.js";
+import { draftMark, DRAFTS, isDraft, knownName, loadNames } from "../library/summary.js";
 
 const REFRESH_MS = 2000;
 const OLDEST = "created";
@@ -18,6 +18,7 @@ const ORIGINS = { computed: "Computed", cached: "From the library", coalesced: "
 export async function showRuns(main, { query, signal }) {
   const list = h("tbody", {});
   const empty = h("p", { class: "muted empty" });
+  const drafts = h("p", { class: "muted", hidden: true }, DRAFTS);
   const more = h("button", { type: "button", hidden: true }, "Show more runs");
   const state = select({ "": "All", ...Object.fromEntries(STATES.map((name) => [name, capital(name)])) },
     query.get("state"), { id: "state-filter", onchange: search });
@@ -70,6 +71,7 @@ export async function showRuns(main, { query, signal }) {
     empty.replaceChildren(...(jobs.length ? [] : filters().size ? ["No match. Change the search or the filters."]
       : may("submit") ? ["No runs yet. ", h("a", { href: "#/new" }, "Start a run"), "."] : ["No runs yet."]));
     more.hidden = !next;
+    drafts.hidden = !jobs.some(isDraft);
     loadNames(jobs, signal, (job) => {
       for (const place of list.querySelectorAll(`[data-name="${job.id}"]`)) place.textContent = knownName(job);
     });
@@ -80,7 +82,7 @@ export async function showRuns(main, { query, signal }) {
     const done = job.state === "succeeded";
     return h("tr", {},
       h("th", { scope: "row" }, h("a", { href: done ? `#/result/${job.key}?job=${job.id}` : `#/run/${job.id}`, "data-name": job.id }, name),
-        isDraft(job) && h("span", { class: "state", title: "The form computed this by itself. It was not kept." }, "draft")),
+        isDraft(job) && draftMark()),
       h("td", {}, h("span", { class: `state ${job.state}` }, job.state),
         OPEN.includes(job.state) && h("progress", { max: 1, value: job.progress, "aria-label": "Progress" })),
       h("td", {}, dateTime(job.times.created)),
@@ -99,8 +101,8 @@ export async function showRuns(main, { query, signal }) {
   main.replaceChildren(h("div", { class: "head" }, h("h1", {}, "Runs"), words,
     choice("State", state), may("administrate") && choice("Submitted by", owner), save),
   h("div", { class: "card scroll", tabIndex: 0, role: "region", "aria-label": "Runs" },
-    h("table", { class: "jobs" }, h("thead", {}, h("tr", {}, ["Run", "State", submitted, "Origin", "Wear volume"].map((name) =>
-      name === submitted ? name : h("th", { scope: "col" }, name)), h("td", {}))), list), empty), more);
+    h("table", { class: "jobs" }, h("thead", {}, h("tr", {}, ["Run", "State", submitted, "Result", "Wear volume"].map((name) =>
+      name === submitted ? name : h("th", { scope: "col" }, name)), h("td", {}))), list), empty), drafts, more);
 
   const timer = setInterval(() => document.hidden || read().catch(() => {}), REFRESH_MS);
   addEventListener("focus", () => read().catch(() => {}), { signal });

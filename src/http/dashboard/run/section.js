@@ -82,7 +82,7 @@ export class Section {
       text(wide / 2, 18, "Body 1, with the profile", "middle", "--metal"), text(wide - MARGIN - 6, surface + 17, "Body 2", "end"));
     const factor = up / across;
     const scale = factor > 1.01 ? `Heights are exaggerated ${Math.round(factor)}×.` : "True to scale.";
-    const unknown = scenario.wear.bodies ? "The share of layers is in the kept result" : "Share of the wear not given";
+    const unknown = scenario.wear.bodies ? "The saved result has the share of layers" : "Share of the wear not given";
     const split = known === null ? ` ${unknown}: half is drawn on each body.` : "";
     this.#words.textContent = `${scale} Dashed: unworn.${split}`;
     const depth = history.wear_depth[history.cycles.indexOf(profiles.cycles[row])];

@@ -13,6 +13,9 @@ function sizeIn(values, isMember) {
   return (isMember ? isGeometric(distinct(values)) : isWide(values)) ? Math.sqrt(low) * Math.sqrt(high) : high;
 }
 
+/** Larger numerical errors of a point have a sign, as they have a warning in a run. */
+const LARGE = 0.02;
+
 /** Number of rows that the page shows at first, and that the button adds. */
 const ROWS = 200;
 
@@ -62,7 +65,7 @@ export class StudyTable {
       const first = table[name][0];
       const share = this.#isRelative && row > 0 && outputs.includes(name) && first && value != null ? ` (${value < first ? "" : "+"}${percent((value - first) / Math.abs(first))})` : "";
       const error = table[errorOf(name)]?.[row];
-      return `${digits(value == null ? null : value * scales[name].factor, 5)}${error > 0 ? ` ± ${percent(error, 2)}` : ""}${share}`;
+      return `${digits(value == null ? null : value * scales[name].factor)}${error > 0 ? ` ± ${percent(error, 2)}${error > LARGE ? " ⚠" : ""}` : ""}${share}`;
     };
     const head = (name) => {
       const { title, symbol } = words(name);
@@ -82,7 +85,7 @@ export class StudyTable {
       : more > 0 ? `${cycles(shown.length)} of ${cycles(count)} rows.` : "";
     const focused = /** @type {HTMLElement} */ (document.activeElement)?.dataset?.column;
     this.element.replaceChildren(...[h("h2", {}, "Table"),
-      h("p", { class: "muted" }, [note, members.length && count ? "Outputs are those after the last cycle if their heading says no other time. A heading sorts the rows." : "", this.#open ? "A row opens its run, which is then kept in the library." : ""].filter(Boolean).join(" ")),
+      h("p", { class: "muted" }, [note, members.length && count ? "Outputs are those after the last cycle if their heading says no other time. A heading sorts the rows." : "", this.#open ? "A row opens its run, which is then saved in the library." : ""].filter(Boolean).join(" ")),
       count > 1 && h("label", { class: "option" }, h("input", { type: "checkbox", id: "in-percent", checked: this.#isRelative, onchange: ({ target }) => {
         this.#isRelative = target.checked;
         this.#draw();

@@ -51,7 +51,7 @@ export const distributionOf = (range, study) => (isDrawn(study) ? DISTRIBUTIONS[
 /** The members that every study of the API may have if the form shows it. Each kind of study has further members. */
 const MEMBERS = ["version", "scenario", "vary", "samples", "outputs", "profiles"];
 
-export const newStudy = () => ({ kind: Object.keys(OFFERS)[0], ranges: {}, samples: "256", outputs: ["wear_volume", "wear_depth"] });
+export const newStudy = () => ({ kind: Object.keys(OFFERS)[0], ranges: {}, samples: "256", outputs: ["wear_volume", "wear_depth", "wear_volume_error", "wear_depth_error"] });
 
 export const varied = ({ ranges }) => Object.keys(ranges);
 
@@ -152,7 +152,9 @@ export function jobBody(scenario, study) {
   };
   const ranged = kind.axes.length ? Object.fromEntries(kind.axes.map(([axis, pointer]) => [axis, range(pointer)]))
     : { vary: varied(study).map((pointer) => ({ pointer, ...range(pointer) })) };
-  return { [kind.name]: { scenario, ...ranged, ...members, ...(isDrawn(study) && { samples: withUnit(study.samples) ?? "" }), outputs,
+  return { [kind.name]: { scenario, ...ranged, ...members, ...(isDrawn(study) && { samples: withUnit(study.samples) ?? "" }),
+    // Of numerical errors, only the values matter.
+    outputs: kind.name === "sweep" ? outputs : outputs.filter((name) => !name.endsWith("_error")),
     ...(kind.keeps_profiles && { profiles }) } };
 }
 
