@@ -25,7 +25,7 @@ pub struct Quantity {
 const PROFILES: [[&str; 3]; 5] = [
     ["worn", "Worn profile", "Height"],
     ["wear", "Wear depth over the radius", "Wear depth"],
-    ["image", "One-dimensional image", "Image"],
+    ["image", "MDR image", "Image"],
     ["pressure", "Contact pressure", "Pressure"],
     ["slip", "Slip amplitude over the radius", "Slip amplitude"],
 ];

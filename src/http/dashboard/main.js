@@ -8,7 +8,6 @@ import { may } from "./access/allowed.js";
 import { connection, watchConnection } from "./access/api.js";
 import { errorCard } from "./access/error.js";
 import { caller, hasDeclined, readCaller, session, SIGN_ON, signedIn, signIn, signOut, whySignIn } from "./access/sign-in.js";
-import { computeAgain } from "./run/again.js";
 import { showForm } from "./form/form.js";
 import { hasInputs } from "./form/kept-input.js";
 
@@ -87,6 +86,7 @@ async function route() {
     await show(main, { id, query: words, signal });
   } catch (error) {
     if (signal.aborted) return;
+    const { computeAgain } = await import("./run/again.js");
     main.replaceChildren(h("h1", {}, title), errorCard(error, may("submit") && computeAgain(error)), h("button", { type: "button", onclick: route }, "Try again"));
     if (!error.status) console.error(error);
   } finally {
@@ -118,7 +118,7 @@ function showUser() {
 }
 
 async function leave() {
-  if (hasInputs() && !await isSure("Sign out?", h("p", {}, "What you have typed in forms of this browser and not kept as a run will be deleted."), "Sign out and delete it")) return;
+  if (hasInputs() && !await isSure("Sign out?", h("p", {}, "What you have typed in forms of this browser and not saved as a run will be deleted."), "Sign out and delete it")) return;
   currentView.abort();
   if (await signOut()) return;
   notify("The server cannot be reached. You are still signed in.");

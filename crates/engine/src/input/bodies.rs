@@ -30,9 +30,9 @@ pub struct Moduli {
 }
 
 super::rows::rows! {
-    /// E*, 1/E* = Σ (1−ν²)/E.
+    /// The effective modulus E* of both bodies: 1/E* = Σ (1−ν²)/E.
     "/moduli/normal": Of("Stress"), "Normal modulus", "$E$*", MODULUS;
-    /// G*, 1/G* = Σ (2−ν)/(4G). Required for a round contact; it has no meaning for a line contact.
+    /// The effective modulus G* of both bodies: 1/G* = Σ (2−ν)/(4G). Required for a round contact; it has no meaning for a line contact.
     "/moduli/tangential": Of("Stress"), "Tangential modulus", "$G$*", MODULUS;
     /// Young's modulus E.
     "/bodies/#/youngs_modulus": Of("Stress"), "Body #: Young's modulus", "$E$", MODULUS;

@@ -398,7 +398,7 @@ super::rows::rows! {
     "/profile/geometry": Of("Geometry"), "Geometry", "", PLAIN;
     /// Radii, strictly increasing (at 12 digits) from 0 on the axis.
     "/profile/radius?height": List("Radius", 2, MAX_ROWS), "Radius", "$R$", RADIUS;
-    /// Radius R.
+    /// Radius R of the ball or cylinder, or of curvature at its tip.
     "/profile/radius": Of("Length"), "Radius", "$R$", RADIUS;
     "/profile/radius/#": Part, "Radius of point #", "", MICRO;
     /// The radius of the cylinder whose axis lies along the motion, then the radius of the other one.

@@ -206,6 +206,7 @@ impl Model {
 }
 
 rows::rows! {
+    /// The tangential force over the normal force where the surfaces slip.
     "/friction": Part, "Friction coefficient", "$μ$", FRICTION;
     "/friction/run_in/cycles": Part, "Run-in cycles of μ", "", PLAIN;
     "/friction/run_in/from": Part, "μ at the start", "", FRICTION;
@@ -214,9 +215,12 @@ rows::rows! {
     "/friction/at?over=dissipated_energy": Part, "Points of the table of μ", "", ENERGY;
     "/friction/at": Part, "Points of the table of μ", "", PLAIN;
     "/friction/values": Part, "Values of μ", "", FRICTION;
+    /// The numbers of cycles after which the result has numbers and curves. The last one ends the run.
     "/cycles": Part, "Output cycles", "", PLAIN;
+    /// The output cycles as multiples of N₀, the characteristic cycles of the contact.
     "/cycles/normalized": Part, "Output cycles in N₀", "", PLAIN;
     "/cycles/dissipated_energy": Part, "Dissipated energies of the outputs", "", ENERGY;
+    /// The output cycles at which the result has profiles; by default all.
     "/profiles_at": Part, "Cycles with profiles", "", PLAIN;
     /// Largest wear depth.
     "/until/wear_depth": Of("Length"), "Stop at wear depth", "", MICRO;
@@ -240,7 +244,7 @@ rows::rows! {
     "/model/compare": Flag, "Compare with simplified rule", "", PLAIN;
     /// Radii of a profile; the volume is right to about 1e-4 at 256, with second order up to 512. More radii only make the curves denser. By
     /// default 256.
-    "/model/points": Whole(POINTS_RANGE.0, POINTS_RANGE.1), "Output radii", "", PLAIN;
+    "/model/points": Whole(POINTS_RANGE.0, POINTS_RANGE.1), "Points of a profile", "", PLAIN;
 
     forms:
     /// A largest depth.

@@ -206,7 +206,7 @@ impl GivenWear {
 super::rows::rows! {
     /// The dimensionless k; k_w = k/hardness must lie between 1e-30 and 1 1/Pa.
     "/wear/coefficient?hardness": Either(&["ArchardCoefficient", "ChangeTable", "RunIn"]), "Archard coefficient", "$k$", PLAIN;
-    /// k_w, a table of it, or a run-in.
+    /// The worn volume per normal force and slip path, k_w: a number, a table, or a run-in.
     "/wear/coefficient": Either(&["WearCoefficient", "ChangeTable", "RunIn"]), "Wear coefficient", "$k_w$", WEAR;
     "/wear/coefficient/run_in/cycles": Part, "Run-in cycles of k_w", "", PLAIN;
     "/wear/coefficient/run_in/from?/wear/hardness": Part, "k at the start", "", PLAIN;

@@ -52,7 +52,7 @@ pub const QUANTITIES: &[Quantity] = &[
     quantity(["limiting", "m", "Limiting profile", "$f$∞"]),
     quantity(["worn", "m", "Worn profile", "$f$"]),
     quantity(["wear", "m", "Wear depth", "$w$"]),
-    quantity(["image", "m", "One-dimensional image", "$g$"]),
+    quantity(["image", "m", "MDR image", "$g$"]),
     quantity(["pressure", "Pa", "Pressure", "$p$"]),
     quantity(["slip", "m", "Slip amplitude", ""]),
     quantity(["displacement", "m", "Displacement at the contact", "$u$"]),

@@ -10,7 +10,7 @@ import { signedIn } from "./sign-in.js";
 /** The roles, with what each allows. */
 const ROLES = {
   read: "reads results and checks scenarios",
-  submit: "also computes, keeps and shares runs",
+  submit: "also computes, saves and shares runs",
   admin: "does everything, also with the jobs and the keys of others",
 };
 const LIFETIMES = { "": "Never", "7d": "In 7 days", "30d": "In 30 days", "90d": "In 90 days", "1year": "In a year" };

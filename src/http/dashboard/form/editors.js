@@ -4,7 +4,6 @@ import { h, select } from "../page/dom.js";
 import { valueAt } from "../quantities/pointer.js";
 import { isExample } from "./field-list.js";
 import { rowsEditor } from "./rows.js";
-import { TraceEditor } from "./trace-editor.js";
 
 /** The rows of an object with parallel lists, and of a list of objects. */
 const parallel = (owner, names) => ({ rows: () => owner[names[0]].map((_, row) => names.map((name) => owner[name][row])),
@@ -20,14 +19,20 @@ const NAMES = { amplitude: "Amplitude U", tangential_force: "Tangential force Q"
 
 /** The editors of a form. `calls` are those of its fields. */
 export class Editors {
-  #trace;
+  #trace = h("div", {});
+  #isLoading;
 
   constructor(form, calls) {
     Object.assign(this, { form, calls });
-    this.#trace = new TraceEditor((profile) => {
-      Object.assign(form.scenario.profile, profile);
-      calls.chosen();
-    });
+  }
+
+  /** The place of the editor of a trace, which few forms need. */
+  #traceEditor() {
+    this.#isLoading ??= import("./trace-editor.js").then(({ TraceEditor }) => this.#trace.append(new TraceEditor((profile) => {
+      Object.assign(this.form.scenario.profile, profile);
+      this.calls.chosen();
+    }).element));
+    return this.#trace;
   }
 
   #rows(options) {
@@ -37,7 +42,7 @@ export class Editors {
   /** The editors of an option of a choice. */
   of({ id }, selected) {
     const { scenario } = this.form;
-    if (id === "shape" && selected === "table") return [this.#trace.element, this.#profile(scenario.profile)];
+    if (id === "shape" && selected === "table") return [this.#traceEditor(), this.#profile(scenario.profile)];
     if (id === "motion" && selected === "blocks") return this.#blocks(scenario.motion);
     if (id === "motion" && selected === "reversals") return this.#record(scenario.motion);
     if (selected !== "changing") return null;

@@ -1,7 +1,8 @@
 // The fields of a scenario, in groups: drop-down lists, numbers, and the numbers of a study that have no field.
 
-import { explained, fill, h, select } from "../page/dom.js";
-import { WORDS } from "../quantities/units.js";
+import { explained, fill, h, openDialog, select } from "../page/dom.js";
+import { forPeople } from "../quantities/explain.js";
+import { inputAt, WORDS } from "../quantities/units.js";
 import { varied } from "../study/vary.js";
 import { choicesOf, chooseOption, labelled, optionsOf } from "./field-list.js";
 import { hint, idOf, Inputs } from "./field.js";
@@ -35,8 +36,16 @@ export class Fieldset {
     const groups = Map.groupBy(choicesOf(scenario), (choice) => choice.group);
     fill(this.element, [...groups].map(([name, choices]) => group(name, choices.map((choice) => this.#drawChoice(choice)))));
     const others = varied(study).filter((pointer) => !this.names.has(pointer));
-    this.element.append(explained("scenario", "What these numbers mean"));
+    this.element.append(h("button", { type: "button", class: "vary", onclick: () => this.#explain() }, "What these numbers mean"));
     if (others.length) this.element.append(group("Varied values without a field", others.map((pointer) => this.#drawOther(pointer))));
+  }
+
+  /** Says what each of the fields is. */
+  #explain() {
+    const fields = [...this.element.querySelectorAll("[data-pointer^='/scenario/']")].map(({ dataset }) => [dataset.name, inputAt(dataset.pointer.replace("/scenario", ""), this.form.scenario)?.[4]]);
+    openDialog("What these numbers mean", (close) => [h("h2", { tabIndex: -1, autofocus: true }, "What these numbers mean"), h("dl", { class: "meanings" },
+      fields.filter(([, meaning]) => meaning).map(([name, meaning]) => [h("dt", {}, name), h("dd", {}, forPeople(meaning))])),
+    explained("accuracy#the-physics-in-short", "The physics in short"), h("button", { type: "button", class: "primary", onclick: close }, "Close")]);
   }
 
   /** The range of a number that has no field, such as the amplitude of a block. */

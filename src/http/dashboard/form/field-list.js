@@ -96,7 +96,7 @@ const roundMotion = ({ lead, optional }) => [
   lead === "amplitude" ? ["/motion/amplitude", "(half the stroke)"]
     : ["stick_ratio", "tangential_force"].includes(lead) ? [`/motion/${lead}`] : leadField(lead),
   ...(optional.includes("held") ? [["/motion/held", "During the test, keep constant", {
-    "": lead === "tangential_force" ? "Tangential force (as entered)" : "Amplitude (as entered)",
+    "": lead === "tangential_force" ? "Tangential force (usual)" : "Amplitude (usual)",
     amplitude: "Amplitude", tangential_force: "Tangential force" }], ["/motion/rig_stiffness", "(optional)"]] : [])];
 
 const isPerLength = (value) => /\/(m|mm|in)$/.test(value);
@@ -233,7 +233,7 @@ export const CHOICES = [
     fields: (kind, { profile }) => (isLine(profile) ? [["/load/normal_force", "", null, PER_LENGTH]]
       : [[`/load/${kind}`],
       ["/load/held", "During the test, keep constant",
-        { "": kind === "normal_force" ? "Force (as entered)" : "Depth (as entered)", force: "Force (dead weight)", depth: "Depth (press fit)" }]]),
+        { "": kind === "normal_force" ? "Force (usual)" : "Depth (usual)", force: "Force (dead weight)", depth: "Depth (press fit)" }]]),
   },
   {
     id: "motion", group: "Load and motion", label: "Motion",

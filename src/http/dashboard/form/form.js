@@ -1,4 +1,4 @@
-// The form for a new run: fields and JSON of one scenario. Each change is computed at once, and Keep makes a job of it. Numbers
+// The form for a new run: fields and JSON of one scenario. Each change is computed at once, and Save makes a job of it. Numbers
 // that vary make it a study.
 
 import { keepState } from "../page/address.js";
@@ -11,7 +11,7 @@ import { kindOf, sourceOf, sourceTag } from "../library/summary.js";
 import { choose, isPossible, jobBody, newStudy, OFFERS, studyOf, varied } from "../study/vary.js";
 import { measureForRun, showWithRun } from "../measure/measure.js";
 import { announce, drawEstimate, drawStudyEstimate } from "../run/estimate.js";
-import { unknownYield, visit } from "../run/warnings.js";
+import { ownWarnings, visit } from "../run/warnings.js";
 import { Doubts } from "./doubts.js";
 import { Draft } from "./draft.js";
 import { Editors } from "./editors.js";
@@ -29,10 +29,18 @@ const MAX_LABEL = 200;
 /** After this time without a change, the server checks the job, and computes the figures with all radii. */
 const IDLE_MS = 250;
 
-/** Why the form has no Keep: with a shared link, and with a key that may only read. */
+/** Why the form has no Save: with a shared link, and with a key that may only read. */
 const LIMITED = {
-  false: "These are the values of the shared result. To compute and keep a run with them, sign in with an access key.",
-  true: "Your access key can only read. The form checks the values. To compute and keep a run, use a key with the role submit.",
+  false: "These are the values of the shared result. To compute and save a run with them, sign in with an access key.",
+  true: "Your access key can only read. The form checks the values. To compute and save a run, use a key with the role submit.",
+};
+
+/** What the examples of Figure 3 are, and how the other one is called. */
+const FIGURE_3 = {
+  "paper-figure-3": ["The paper prints c\u00a0=\u00a00.455\u00a0a₀ for these panels. By its equation (10), that contradicts the stick radii of panels (c) and (d), 0.652 and 0.41\u00a0a₀, and c\u00a0=\u00a00.545\u00a0a₀ agrees "
+    + "with both approximately: two digits were probably swapped. The printed cycles are four times these.", "paper-figure-3-printed", "Open the printed values"],
+  "paper-figure-3-printed": ["These are the printed values. By equation (10), c\u00a0=\u00a00.455\u00a0a₀ would give 0.605 and 0.220\u00a0a₀ in panels (c) and (d), where the paper prints 0.652 and 0.41\u00a0a₀.",
+    "paper-figure-3", "Open c\u00a0=\u00a00.545\u00a0a₀"],
 };
 
 let examples = [];
@@ -109,13 +117,15 @@ export async function showForm(main, { query: asked, signal }) {
     record("label");
     remember();
   } });
-  const keep = h("button", { class: "primary", type: "submit", "aria-keyshortcuts": "Control+Enter", title: "Ctrl+Enter keeps the run from every field" }, "Keep");
+  const keep = h("button", { class: "primary", type: "submit", "aria-keyshortcuts": "Control+Enter", title: "Ctrl+Enter saves the run from every field" }, "Save");
   const undoButton = h("button", { type: "button", id: "undo", title: "Undo the last change (Ctrl+Z)", onclick: () => restore(undo.undo()) }, "Undo");
   const chooseExample = select({ "": "Custom scenario", ...Object.fromEntries(examples.map(({ name, label }) => [name, label ?? name])) },
-    "", { id: "example", onchange: () => {
-      restore(fromAddress(new URLSearchParams({ example: chooseExample.value })));
-      canonical.hidden = notShown.hidden = true;
-    } });
+    "", { id: "example", onchange: () => showExample(chooseExample.value) });
+  const showExample = (name) => {
+    restore(fromAddress(new URLSearchParams({ example: name })));
+    canonical.hidden = notShown.hidden = true;
+  };
+  const aboutExample = h("p", { class: "row muted", id: "about-example" });
   chooseExample.options[0].hidden = true;
 
   const preview = new Preview(signal);
@@ -181,6 +191,8 @@ export async function showForm(main, { query: asked, signal }) {
       remember();
     }
     chooseExample.value = example()?.name ?? "";
+    const [about, other, open] = FIGURE_3[chooseExample.value] ?? [];
+    fill(aboutExample, about && [h("span", {}, about), h("button", { type: "button", class: "vary", onclick: () => showExample(other) }, open)]);
     if (document.activeElement !== labelField) labelField.value = label();
     const pointers = withoutField(form.scenario);
     jsonOnly.textContent = pointers.length ? `Not in the form: ${pointers.join(", ")}` : "";
@@ -239,7 +251,7 @@ export async function showForm(main, { query: asked, signal }) {
   }
 
   function drawDoubts() {
-    doubts.draw(doubtful, isStudy() ? "compute" : "keep this run");
+    doubts.draw(doubtful, isStudy() ? "compute" : "save this run");
     allowKeep();
   }
 
@@ -260,7 +272,7 @@ export async function showForm(main, { query: asked, signal }) {
 
   /** A result with all its warnings: a stored result has none about the bodies. */
   const warned = (result, more = []) => ({ ...result, warnings: [...result.warnings,
-    ...more.filter(({ detail }) => result.warnings.every((own) => own.detail !== detail)), ...unknownYield(form.scenario, result.unworn)] });
+    ...more.filter(({ detail }) => result.warnings.every((own) => own.detail !== detail)), ...ownWarnings(form.scenario, result)] });
 
   /** Shows the answer of an evaluation. */
   function showAnswer(answer, scenario) {
@@ -292,9 +304,9 @@ export async function showForm(main, { query: asked, signal }) {
 
   /** The scenario that the shown numbers belong to. */
   let valid = null;
-  // `wanted`: the user has asked to keep the run before the server has checked it.
+  // `wanted`: the user has asked to save the run before the server has checked it.
   let checks = 0, submitting = false, accepted = false, isLong = false, wanted = false;
-  /** Enables Keep if the server accepts what the form shows. While the JSON is invalid, the form shows an earlier scenario. */
+  /** Enables Save if the server accepts what the form shows. While the JSON is invalid, the form shows an earlier scenario. */
   const allowKeep = () => { keep.disabled = submitting || !accepted || doubts.open.size > 0 || jsonFault.textContent !== ""; };
   const checkSoon = debounced(IDLE_MS, check);
 
@@ -355,7 +367,7 @@ export async function showForm(main, { query: asked, signal }) {
     }
   }
 
-  /** Ctrl+Z undoes the last change of the form and Ctrl+Enter keeps the run, whatever has the focus. Enter in a field does not. */
+  /** Ctrl+Z undoes the last change of the form and Ctrl+Enter saves the run, whatever has the focus. Enter in a field does not. */
   function pressed(event) {
     const isCommand = event.ctrlKey || event.metaKey;
     if (event.key === "Enter" && (isCommand || event.target.matches("input"))) {
@@ -382,7 +394,7 @@ export async function showForm(main, { query: asked, signal }) {
       h("div", { class: "bar run" }, skip, heading,
         h("div", { class: "field", hidden: !may("read") }, h("label", { for: "example" }, "Start from"), chooseExample),
         h("div", { class: "field" }, h("label", { for: "label" }, "Name"), labelField), undoButton, may("submit") && keep),
-      kept?.element,
+      kept?.element, aboutExample,
       h("div", { class: "two" }, left, side)));
   // The unit of a number without a unit follows the choice.
   document.addEventListener("units", () => {

@@ -1,4 +1,4 @@
-// What is typed in the form and not yet kept as a run. Its tab has it again after a reload, and other tabs offer it after its tab was
+// What is typed in the form and not yet saved as a run. Its tab has it again after a reload, and other tabs offer it after its tab was
 // closed.
 
 import { dateTime, fill, h, notify } from "../page/dom.js";

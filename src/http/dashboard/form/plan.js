@@ -95,7 +95,7 @@ function sum(study) {
 
 /** The text of the button that submits the form. */
 export function submitText(study) {
-  if (varied(study).length === 0) return "Keep";
+  if (varied(study).length === 0) return "Save";
   const runs = runsOf(study);
   return runs ? `Compute ${cycles(runs)} runs` : "Compute";
 }

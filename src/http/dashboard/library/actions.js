@@ -8,8 +8,9 @@ import { caller, signedIn } from "../access/sign-in.js";
 import { saveAs } from "../figure/save.js";
 import { kindOf } from "./summary.js";
 
-/** Name, path and formats of each download. */
+/** Name, path and formats of each download, and the names of the formats. */
 const TABLES = ["csv", "json", "ndjson", "npz", "arrow"];
+const FORMATS = { csv: "CSV", json: "JSON", ndjson: "JSON lines", npz: "NumPy", arrow: "Arrow" };
 const DOWNLOADS = [["Full result", "", ["json", "npz"]], ["History", "/history", TABLES], ["Profiles", "/profiles", TABLES],
   ["Loops", "/loops", TABLES]];
 const STUDY_DOWNLOADS = [["Full result", "", ["json", "npz"]], ["Table", "/table", TABLES]];
@@ -75,25 +76,24 @@ export function drawActions(result, { job, link, form, remember, signal }) {
     "",
   ].join("\n"), "Python code");
 
-  const menu = h("details", { class: "menu" }, h("summary", {}, "Download"),
-    h("div", { class: "sheet" }, (isStudy ? STUDY_DOWNLOADS : DOWNLOADS).map(([name, path, formats]) =>
-      h("div", { class: "row" }, h("span", {}, name), formats.map((format) =>
-        button(format, () => download(path, format), { "aria-label": `${name} as ${format}` })))),
-    h("div", { class: "row" }, button("Copy curl command", curl), button("Copy Python code", python))));
-  const report = h("a", { class: "button", href: partOf("/report"), target: "_blank", title: "A page to print" }, "Report");
   // The holder of a shared link sees the values in the form without a key.
   const address = form && link ? `${form}&link=${encodeURIComponent(link)}` : form;
   // The computed values are not those that the user knows: E* in place of the bodies.
-  const edit = address && (!link || job.typed) && h("a", { class: link ? "button" : "button primary", href: address }, may("submit") && !link ? "Edit and run again" : "Open in the form");
-  if (link) return h("div", { class: "actions" }, menu, report, edit, linkEnd([link]));
-  const row = h("div", { class: "actions" }, menu, report, may("share") && sharing(addressFor),
-    !isStudy && h("a", { class: "button", href: `#/library?with=${key}` }, "Compare…"), edit);
-  addPinAndNote(row, key, signal);
+  const edit = address && (!link || job.typed) && h("a", { class: "button primary", href: address }, may("submit") && !link ? "Edit and run again" : "Open in the form");
+  const others = h("div", { class: "row" }, h("a", { class: "button", href: partOf("/report"), target: "_blank" }, "Report to print"),
+    !link && !isStudy && h("a", { class: "button", href: `#/library?with=${key}` }, "Compare…"));
+  const menu = h("details", { class: "menu" }, h("summary", {}, link ? "Download" : "Download, share…"), h("div", { class: "sheet" },
+    others, !link && may("share") && sharing(addressFor),
+    (isStudy ? STUDY_DOWNLOADS : DOWNLOADS).map(([name, path, formats]) => h("div", { class: "row" }, h("span", {}, name), formats.map((format) =>
+      button(FORMATS[format], () => download(path, format), { "aria-label": `${name} as ${FORMATS[format]}` })))),
+    h("div", { class: "row" }, button("Copy curl command", curl), button("Copy Python code", python))));
+  const row = h("div", { class: "actions" }, edit, menu, link && linkEnd([link]));
+  if (!link) addPinAndNote(row, others, key, signal);
   return row;
 }
 
-/** Adds the note, and the buttons for pin and note, once their state is loaded. */
-async function addPinAndNote(row, key, signal) {
+/** Adds the note to a row, and the buttons for pin and note to the others of its menu, once their state is loaded. */
+async function addPinAndNote(row, others, key, signal) {
   const provenance = await get(resultAddress(key, "/provenance"), { signal }).catch(() => null);
   if (!provenance) return;
   const { at, wall_seconds: wall, cpu_seconds: computing } = provenance.computed;
@@ -127,7 +127,7 @@ async function addPinAndNote(row, key, signal) {
     drawNote();
   });
   drawNote();
-  if (may("submit")) row.append(pin, edit);
+  if (may("submit")) others.append(pin, edit);
   row.append(...[noteText, computed].filter(Boolean));
 }
 

@@ -3,7 +3,7 @@
 import { capital, dateTime, h, svg } from "../page/dom.js";
 import { cycles, quantity, WORDS } from "../quantities/units.js";
 import { KINDS } from "../quantities/words.js";
-import { isDraft, sourceOf, subtitle, title } from "./summary.js";
+import { draftMark, isDraft, sourceOf, subtitle, title } from "./summary.js";
 
 /** What a result is called: its label, or what it computes. `more` tells it from others. */
 export const nameOfEntry = (entry) => entry.label || [title(entry), entry.more].filter(Boolean).join(", ");
@@ -29,7 +29,7 @@ const number = (name, heading = WORDS[name], width = 8.5) => ({ heading, width, 
 
 const note = ({ note: own }) => own && h("span", { title: own.text }, own.text);
 const tags = (entry) => [entry.tags.filter((tag) => !isDraft({ tags: [tag] }) && !sourceOf([tag])).map((tag) => h("span", { class: "tag" }, tag)),
-  isDraft(entry) && !entry.label && h("span", { class: "state", title: "The form computed this by itself. It was not kept." }, "draft")];
+  isDraft(entry) && !entry.label && draftMark()];
 
 const name = (entry) => [
   h("a", { href: `#/result/${entry.key}`, title: nameOfEntry(entry) }, nameOfEntry(entry)),

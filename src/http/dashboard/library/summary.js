@@ -1,5 +1,6 @@
 // The title and the subtitle that describe a result: shape, load, motion, method.
 
+import { h } from "../page/dom.js";
 import { digits, placeOf, quantity, WORDS } from "../quantities/units.js";
 import { KINDS } from "../quantities/words.js";
 import { get, jobAddress } from "../access/api.js";
@@ -94,6 +95,9 @@ export async function loadNames(jobs, signal, done) {
 /** The tag of a job that the form computes by itself, because an evaluation would take too long. */
 export const DRAFT = "draft";
 export const isDraft = ({ tags }) => tags?.includes(DRAFT) ?? false;
+/** What a draft is, and its mark in a list. */
+export const DRAFTS = "A draft is a run that the form has computed by itself, because it takes longer than a moment. Nobody has saved it.";
+export const draftMark = () => h("span", { class: "state", title: DRAFTS }, "draft");
 
 /** The latest label of a result. */
 export const labelOf = (jobs) => jobs.find(({ label }) => label)?.label ?? "";

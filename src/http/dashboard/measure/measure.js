@@ -11,7 +11,7 @@ export async function measureForRun(at, signal, file) {
   const set = await askForSet(at, signal, file);
   if (!set) return;
   addSet(set, FORM);
-  notify(`The run that you keep will show ${set.name}.`);
+  notify(`The run that you save will show ${set.name}.`);
 }
 
 /** Shows the sets of the form beside a run that is kept. */

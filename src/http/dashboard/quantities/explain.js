@@ -17,11 +17,13 @@ export const italics = (text) => text.split("$").map((piece, i) => (i % 2 ? h("i
 /** What only clients of the API need in the meaning of a quantity. */
 const FOR_CLIENTS = /(; null|, and null|: then it is null|\. Results of version).*$/;
 
+/** A sentence of the API in the words of the page. */
+export const forPeople = (sentence) => sentence.replace(FOR_CLIENTS, "").replace("HALF", "half").replace(/`(\w+)`/g, (_, own) => own.replaceAll("_", " "));
+
 /** The name and the symbol of a quantity. `more` is a sentence that the explanation needs here. */
 export function term(name, scenario, more = "") {
   const content = [wordOf(name, scenario), SYMBOLS[name] && " ", ...italics(SYMBOLS[name] ?? "")];
-  const meaning = MEANINGS[name]?.replace(FOR_CLIENTS, "").replace(/`(\w+)`/g, (_, own) => own.replaceAll("_", " "));
-  return meaning ? withMeaning(content, `${meaning}. ${more}`.trim()) : h("span", {}, content);
+  return MEANINGS[name] ? withMeaning(content, `${forPeople(MEANINGS[name])}. ${more}`.trim()) : h("span", {}, content);
 }
 
 /** A text whose meaning appears at the pointer and at the focus; Escape hides it. A press calls `onclick`. */

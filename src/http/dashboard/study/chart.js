@@ -126,7 +126,7 @@ export class Chart {
     this.#at = at;
     const item = at === null ? null : this.#painted.items[at];
     this.#ring.toggleAttribute("hidden", !item);
-    const hint = ["Point or press the arrow keys to read values.", this.#open && this.#painted.items.some(({ row }) => row !== undefined) && "Click or press Enter to open the run, which is then kept in the library."].filter(Boolean).join(" ");
+    const hint = ["Point or press the arrow keys to read values.", this.#open && this.#painted.items.some(({ row }) => row !== undefined) && "Click or press Enter to open the run, which is then saved in the library."].filter(Boolean).join(" ");
     if (item) {
       const { x, y, width, height } = item.box ?? {};
       const marks = item.box ? [["rect", { x, y, width, height }]] : [["circle", { cx: item.x, cy: item.y, r: 7 }]];
@@ -135,7 +135,7 @@ export class Chart {
     const canOpen = this.#open && item?.row !== undefined;
     const values = item?.values() ?? [];
     fill(this.#values, item ? values.map(([name, value]) => h("li", {}, h("span", { class: "name" }, name), " ", h("span", { class: "value" }, value)))
-      : h("li", {}, h("span", { class: "value" }, hint)), canOpen && h("li", {}, h("button", { type: "button", class: "vary", title: "The run is then kept in the library", onclick: () => this.#openItem(at) }, "Open the run")));
+      : h("li", {}, h("span", { class: "value" }, hint)), canOpen && h("li", {}, h("button", { type: "button", class: "vary", title: "The run is then saved in the library", onclick: () => this.#openItem(at) }, "Open the run")));
     this.#values.classList.toggle("idle", !item);
     this.#place.setAttribute("aria-valuenow", String(at ?? 0));
     this.#place.setAttribute("aria-valuetext", item ? values.map((pair) => pair.filter(Boolean).join(": ")).join("; ") : hint);

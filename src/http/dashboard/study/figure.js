@@ -199,7 +199,7 @@ export class StudyFigure {
     const isFocused = this.#figure.element.contains(document.activeElement);
     const found = x === null || !open || !isFocused ? [] : this.#figure.curves.flatMap(({ name, x: xs, rows }) => (xs.includes(x) ? [[name, rows[xs.indexOf(x)]]] : []));
     const button = ([name, row]) => h("button", { type: "button", class: "vary", "aria-label": `Open the run with ${name}`, onclick: () => open(row) }, name);
-    this.#openers.replaceChildren(...(found.length > 1 ? [h("span", { title: "The run is then kept in the library" }, "Open the run with"), ...found.map(button)]
+    this.#openers.replaceChildren(...(found.length > 1 ? [h("span", { title: "The run is then saved in the library" }, "Open the run with"), ...found.map(button)]
       : found.map(([, row]) => h("button", { type: "button", class: "vary", onclick: () => open(row) }, "Open the run"))));
   }
 
