@@ -88,6 +88,12 @@ def run_steel_ball(browser):
     return page
 
 
+def press(page, name):
+    """Presses a button in the menu of a result."""
+    page.locator(".actions details.menu").evaluate("menu => { menu.open = true; }")
+    page.get_by_role("button", name=name).click()
+
+
 def view_result(page):
     """The numbers at each output cycle are those of the server. Tests download, copy, note and pin."""
     result = get(f"/v1/results/{key_of(page)}")
@@ -133,7 +139,7 @@ def view_result(page):
     page.select_option("#choose-plot", "worn")
 
     page.click("summary:has-text('Download')")
-    for name, start in (("Profiles as csv", b"#"), ("Full result as npz", b"PK"), ("Loops as arrow", b"ARROW1")):
+    for name, start in (("Profiles as CSV", b"#"), ("Full result as NumPy", b"PK"), ("Loops as Arrow", b"ARROW1")):
         assert downloaded(page, page.get_by_role("button", name=name).click).startswith(start), name
     page.get_by_role("button", name="Copy curl command").click()
     command = page.evaluate("navigator.clipboard.readText()")
@@ -144,17 +150,16 @@ def view_result(page):
     python = page.evaluate("navigator.clipboard.readText()")
     printed = subprocess.run([sys.executable, "-c", python], capture_output=True, text=True, check=True).stdout
     assert "100000" in printed or "1.e+05" in printed, printed
-    page.click("summary:has-text('Download')")
-
-    page.get_by_role("button", name="Note").click()
+    press(page, "Note")
     page.fill("#note", "<b>Agrees</b> with the rig")
     page.get_by_role("button", name="Save").click()
     expect(page.locator(".actions .note")).to_contain_text("<b>Agrees</b> with the rig")
-    page.get_by_role("button", name="Note").click()
+    press(page, "Note")
     page.fill("#note", "Agrees with the rig")
     page.get_by_role("button", name="Save").click()
     expect(page.locator(".actions .note")).to_contain_text("“Agrees with the rig”")
     pin = page.get_by_role("button", name="Pin")
+    page.click("summary:has-text('Download')")
     wanted = pin.get_attribute("aria-pressed") == "false"
     pin.click()
     expect(pin).to_have_attribute("aria-pressed", str(wanted).lower())

@@ -195,7 +195,7 @@ def wear_coefficients(browser):
 
 
 def doubts(browser):
-    """A doubtful size blocks Keep until it is answered, and the question is in sight."""
+    """A doubtful size blocks Save until it is answered, and the question is in sight."""
     page = form(browser.page(BASE, width=1280))
     question = "Wear coefficient k_w: 2e−14 mm³/(N m). Did you mean 2e−5 mm³/(N m) (2e−14 m³/(N m))?"
     keep, link = page.locator("button.primary"), page.get_by_role("button", name=question)
@@ -233,7 +233,7 @@ def doubts(browser):
     page.wait_for_url("**/#/result/*")
     assert abs(get(f"/v1/results/{key_of(page)}")["scenario"]["wear"]["coefficient"] / 3e-14 - 1) < 1e-9
     page.context.close()
-    # On a phone the question stands above Keep.
+    # On a phone the question stands above Save.
     page = form(browser.page(BASE, width=390))
     page.fill("#motion-amplitude", "2 m")
     expect(page.locator("#doubts button")).to_be_in_viewport()
@@ -244,7 +244,7 @@ def doubts(browser):
 
 
 def all_doubts(browser):
-    """Every doubtful spelling and size blocks Keep until it is answered, and no example is doubtful."""
+    """Every doubtful spelling and size blocks Save until it is answered, and no example is doubtful."""
     page = form(browser.page(BASE))
     keep, questions = page.locator("button.primary"), page.locator("#doubts button")
     for example in get("/v1/examples"):
@@ -328,7 +328,7 @@ def dropped_measurements(browser):
     for name in ("rig 1", "rig 2"):
         expect(page.locator("#set-name")).to_have_value(name)
         page.click("#add-set:enabled")
-    expect(page.locator("#status")).to_have_text("The run that you keep will show rig 2.")
+    expect(page.locator("#status")).to_have_text("The run that you save will show rig 2.")
     page.fill("#friction", "0.57")
     page.click("button.primary:enabled")
     page.wait_for_url("**/#/result/*")
@@ -449,10 +449,11 @@ def drops(browser):
         expect(page.locator("#file-fault")).to_contain_text("This file cannot be read.")
         stays("dialog", ([table], {}))
         page.click("#add-set:enabled")
-        expect(status).to_have_text("The run that you keep will show rig.")
+        expect(status).to_have_text("The run that you save will show rig.")
         shows(page, friction="0.56")
         page.click("button.primary:enabled")
         page.wait_for_url("**/#/result/*")
+        page.click("summary:has-text('Download')")
         page.get_by_role("button", name="Note").click()
         note.fill("Half a sentence")
         stays("dialog label", ([table], {}), ([folder], {}), ([], link))

@@ -308,7 +308,7 @@ def fitted(browser, key):
     page.click("#run-this")
     page.wait_for_selector("#headline [data-value=wear_depth]")
     assert abs(float(page.input_value("#friction")) - fit["parameters"][1]["estimate"]) < 1e-9
-    page.click("button.primary:has-text('Keep'):enabled")
+    page.click("button.primary:has-text('Save'):enabled")
     page.get_by_role("button", name="Show them here too").click()
     page.wait_for_selector("[data-set='lab B']")
     assert "lab B agrees with the simulation" in verdict(page, "lab B"), verdict(page, "lab B")
@@ -387,6 +387,12 @@ def by_keyboard(browser, key):
     page.context.close()
 
 
+def note(page):
+    """Opens the note of a result, which is in its menu."""
+    page.locator(".actions details.menu").evaluate("menu => { menu.open = true; }")
+    page.get_by_role("button", name="Note").click()
+
+
 def left_dialogs(browser, key):
     """Escape, another view or a lost connection loses nothing that is typed in a dialog. Cancel discards it."""
     page = result(browser, key)
@@ -400,24 +406,24 @@ def left_dialogs(browser, key):
     page.goto(f"{BASE}/#/library")
     page.goto(f"{BASE}/#/result/{key}")
     for leave in (lambda: page.keyboard.press("Escape"), away_and_back):
-        page.get_by_role("button", name="Note").click()
+        note(page)
         page.fill("#note", "Half a sentence")
         leave()
         expect(page.locator("dialog")).to_have_count(0)
-        page.get_by_role("button", name="Note").click()
+        note(page)
         expect(page.locator("#note")).to_have_value("Half a sentence")
         expect(page.locator("dialog")).to_contain_text("This text is not saved yet.")
         page.get_by_role("button", name="Cancel").click()
-        page.get_by_role("button", name="Note").click()
+        note(page)
         expect(page.locator("#note")).to_have_value("")
         page.get_by_role("button", name="Cancel").click()
     page.route("**/note", lambda route: route.abort())
-    page.get_by_role("button", name="Note").click()
+    note(page)
     page.fill("#note", "Not saved")
     page.get_by_role("button", name="Save").click()
     expect(page.locator("dialog")).to_have_count(0)
     page.unroute("**/note")
-    page.get_by_role("button", name="Note").click()
+    note(page)
     expect(page.locator("#note")).to_have_value("Not saved")
     page.get_by_role("button", name="Save").click()
     expect(page.locator(".actions .note")).to_contain_text("“Not saved”")

@@ -1,4 +1,4 @@
-"""Takes the pictures of the documents: the first page, and a kept result.
+"""Takes the pictures of the documents: the first page, and a saved result.
 
     python pictures.py http://127.0.0.1:8080
 

@@ -53,7 +53,7 @@ def sweep(page, base):
     scenario = ask(base, "/v1/examples/steel-ball-simplified")["scenario"]
     alone = ask(base, "/v1/evaluate", {"scenario": {**scenario, "friction": 0.84}, "outputs": ["wear_volume"]})
     assert abs(volume[-1] / alone["outputs"]["wear_volume"] - 1) < 1e-9, (volume, alone)
-    assert abs(column(page, "Wear volume V")[-1] / volume[-1] - 1) < 1e-4, volume
+    assert abs(column(page, "Wear volume V")[-1] / volume[-1] - 1) < 6e-4, volume
 
 
 def edit(page):
@@ -66,7 +66,7 @@ def edit(page):
     page.reload()
     expect(page.locator("#friction-count")).to_have_value("5")
     page.click("#friction-vary")
-    expect(page.locator("button.primary")).to_have_text("Keep")
+    expect(page.locator("button.primary")).to_have_text("Save")
     expect(page.locator("#friction")).to_have_value("0.7")
     expect(page.locator("section[aria-label=Study]")).to_be_hidden()
     # Only numbers vary.
@@ -94,7 +94,7 @@ def units(page, base):
     page.fill("#profile-radius-to", "2 cm")
     page.select_option("#profile-radius-spacing", "log")
     # A study without outputs has nothing to compute.
-    for name in ("wear_volume", "wear_depth"):
+    for name in ("wear_volume", "wear_depth", "wear_volume_error", "wear_depth_error"):
         page.uncheck(f"#output-{name}")
     expect(page.locator("#outputs-fault")).to_contain_text("at least one output")
     for name in OUTPUTS:

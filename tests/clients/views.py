@@ -299,11 +299,12 @@ def on_screen(browser, page):
 
 def warnings(page, base):
     """A warning stands at the number that it concerns."""
-    open_result(page, base, ask(base, "/v1/jobs", ask(base, "/v1/examples/coated-cylinder"))["key"])
-    page.locator("#readout div", has_text="Scar half-width").get_by_role("link", name="Has a warning").click()
-    expect(page.locator("#warning-scar_radius")).to_be_focused()
-    expect(page.locator("#warning-scar_radius")).to_contain_text("Scar half-width: Along the motion")
-    expect(page.locator("section.output #warning-wear_depth")).to_be_visible()
+    scenario = {**ask(base, "/v1/examples/steel-ball")["scenario"], "load": {"normal_force": "100 kN"}, "cycles": [1000]}
+    open_result(page, base, ask(base, "/v1/jobs", {"scenario": scenario})["key"])
+    page.locator("#readout div", has_text="Contact radius").get_by_role("link", name="Has a warning").click()
+    expect(page.locator("#warning-contact_radius")).to_be_focused()
+    expect(page.locator("#warning-contact_radius")).to_contain_text("Contact radius: The surface of the indenter has the slope 0.19")
+    expect(page.locator("section.output #warning-normal_force")).to_contain_text("The peak pressure of the unworn contact is 13.5\u00a0GPa.")
 
 
 def ghostscript(pdf, device):

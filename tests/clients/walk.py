@@ -242,6 +242,7 @@ def shared(walk, own, key):
     """A guest opens a shared link, which shows the same numbers."""
     page = walk.page
     walk.open(f"/#/result/{key}", "#readout dd")
+    page.click("summary:has-text('Download')")
     page.get_by_role("button", name="Share link").click()
     expect(page.locator("#status")).to_contain_text("Link copied")
     link = page.evaluate("navigator.clipboard.readText()")
