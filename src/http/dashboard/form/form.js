@@ -37,10 +37,8 @@ const LIMITED = {
 
 /** What the examples of Figure 3 are, and how the other one is called. */
 const FIGURE_3 = {
-  "paper-figure-3": ["The paper prints c\u00a0=\u00a00.455\u00a0a₀ for these panels. By its equation (10), that contradicts the stick radii of panels (c) and (d), 0.652 and 0.41\u00a0a₀, and c\u00a0=\u00a00.545\u00a0a₀ agrees "
-    + "with both approximately: two digits were probably swapped. The printed cycles are four times these.", "paper-figure-3-printed", "Open the printed values"],
-  "paper-figure-3-printed": ["These are the printed values. By equation (10), c\u00a0=\u00a00.455\u00a0a₀ would give 0.605 and 0.220\u00a0a₀ in panels (c) and (d), where the paper prints 0.652 and 0.41\u00a0a₀.",
-    "paper-figure-3", "Open c\u00a0=\u00a00.545\u00a0a₀"],
+  "paper-figure-3": ["The paper prints c\u00a0=\u00a00.455\u00a0a₀ for these panels. By its equation (10), that contradicts the stick radii of panels (c) and (d), 0.652 and 0.41\u00a0a₀, and c\u00a0=\u00a00.545\u00a0a₀ agrees with both approximately: two digits were probably swapped. The printed cycles are four times these.", "paper-figure-3-printed", "Open the printed values"],
+  "paper-figure-3-printed": ["These are the printed values. By equation (10), c\u00a0=\u00a00.455\u00a0a₀ would give 0.605 and 0.220\u00a0a₀ in panels (c) and (d), where the paper prints 0.652 and 0.41\u00a0a₀.", "paper-figure-3", "Open c\u00a0=\u00a00.545\u00a0a₀"],
 };
 
 let examples = [];

@@ -61,12 +61,9 @@ export function drawDetails(place, result, submitted, bodyWarnings) {
   ].filter(Boolean));
 }
 
-/** Share of the contact radius within which a place is the middle. */
-const NEAR = 0.01;
-
-/** An event in words. Bodies and layers are counted from 1. */
+/** An event in words. A place within a hundredth of the contact radius is the middle. Bodies and layers are counted from 1. */
 const eventWords = ({ kind, body, layer, radius }, width) => (kind !== "layer_worn_through" ? WORDS[kind]
-  : `Layer ${layer + 1} of body ${body + 1} worn through ${radius > NEAR * width ? `${quantity(radius, "m", 3)} from the middle` : "in the middle"},`);
+  : `Layer ${layer + 1} of body ${body + 1} worn through ${radius > 0.01 * width ? `${quantity(radius, "m", 3)} from the middle` : "in the middle"},`);
 
 /** The errors of the simplified rule at each output cycle. */
 function drawComparison({ history, errors, xi, best_xi: bestXi, best_error: bestError }) {

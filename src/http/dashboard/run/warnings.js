@@ -54,25 +54,18 @@ const metres = (value) => quantity(value, "m", 3);
 
 /** What some warnings mean for the reader, and by how much a number may be wrong. The first argument has the numbers of the server's text. */
 const TEXTS = {
-  fast_wear: ([pace], { at }) => `The contact wears by its own indentation depth in about ${digits(pace, 2)} cycles, and the program averages over a cycle. `
-    + `Depth and volume may be wrong by the wear of about one cycle${at > 0 ? `: ${percent(1 / at, 2)} after ${cycles(at)} cycles` : ""}.`,
-  large_contact: ([slope]) => `The surface of the indenter has the slope ${digits(slope, 2)} at the edge of contact. The theory needs gentle slopes: `
-    + `what it leaves out is of the order of the square of the slope, ${percent(slope ** 2, 1)}.`,
-  large_amplitude: ([amplitude, radius]) => `The amplitude at the contact, ${metres(amplitude)}, is larger than the contact radius, ${metres(radius)}. `
-    + "So parts of the scar are uncovered for a part of each cycle, and wear less than computed. By how much is not known. Programs for sliding wear model this.",
-  short_line: ([width, length]) => `The contact is ${metres(width)} wide and only ${metres(length)} long. The theory leaves out its two ends, each about half a width: `
-    + `${percent(width / length, 2)} of the length may wear differently.`,
-  elastic_mismatch: ([beta], { scenario }) => `Pressure moves the surfaces of the two bodies sideways by different amounts (Dundurs' constant β = ${digits(beta, 2)}), which is neglected. `
-    + `Where they slip, the friction stress may be wrong by ${scenario?.friction > 0 ? `about β/μ = ${percent(beta / scenario.friction, 2)}` : "about β times the pressure"}.`,
+  fast_wear: ([pace], { at }) => `The contact wears by its own indentation depth in about ${digits(pace, 2)} cycles, and the program averages over a cycle. Depth and volume may be wrong by the wear of about one cycle${at > 0 ? `: ${percent(1 / at, 2)} after ${cycles(at)} cycles` : ""}.`,
+  large_contact: ([slope]) => `The surface of the indenter has the slope ${digits(slope, 2)} at the edge of contact. The theory needs gentle slopes: what it leaves out is of the order of the square of the slope, ${percent(slope ** 2, 1)}.`,
+  large_amplitude: ([amplitude, radius]) => `The amplitude at the contact, ${metres(amplitude)}, is larger than the contact radius, ${metres(radius)}. So parts of the scar are uncovered for a part of each cycle, and wear less than computed. By how much is not known. Programs for sliding wear model this.`,
+  short_line: ([width, length]) => `The contact is ${metres(width)} wide and only ${metres(length)} long. The theory leaves out its two ends, each about half a width: ${percent(width / length, 2)} of the length may wear differently.`,
+  elastic_mismatch: ([beta], { scenario }) => `Pressure moves the surfaces of the two bodies sideways by different amounts (Dundurs' constant β = ${digits(beta, 2)}), which is neglected. Where they slip, the friction stress may be wrong by ${scenario?.friction > 0 ? `about β/μ = ${percent(beta / scenario.friction, 2)}` : "about β times the pressure"}.`,
   yield: (numbers, _, detail) => `${detail.split(": it yields")[0]}. It yields, which is not modelled: the unworn contact is larger than computed${
     numbers.length === 2 ? `, its area at most by a factor of about ${digits(numbers[0] / numbers[1], 2)}` : ""}.`,
   simplified_gross_slip: () => "The whole contact slips, for which the simplified rule was not made: it misses about a quarter of the energy balance, so the volume may be wrong as much. Use the exact method.",
   model_error_unknown: () => "How wrong the simplified rule is for this contact is not known. Where it was compared, for a ball in partial slip, its volume was up to 20\u00a0% wrong. Use the exact method.",
   // Finite elements of the test of McColl et al. (2004), in VERIFICATION.md.
-  long_scar: ([excess]) => `The scar of body 2 is up to ${digits(excess, 2)}\u00a0% longer than the contact, which covers its ends only for a part of each cycle. `
-    + "So its computed length is too large: by 4 to 9\u00a0% in a published test of a cylinder, where its depth agrees with finite elements to 5\u00a0%.",
-  split_of_wear: () => "The contact slides far over a deep scar, so how the wear divides between the bodies is an estimate. "
-    + "In a published test of a cylinder, the depth of one body agrees with finite elements to 5\u00a0%. The wear of both bodies together is not concerned.",
+  long_scar: ([excess]) => `The scar of body 2 is up to ${digits(excess, 2)}\u00a0% longer than the contact, which covers its ends only for a part of each cycle. So its computed length is too large: by 4 to 9\u00a0% in a published test of a cylinder, where its depth agrees with finite elements to 5\u00a0%.`,
+  split_of_wear: () => "The contact slides far over a deep scar, so how the wear divides between the bodies is an estimate. In a published test of a cylinder, the depth of one body agrees with finite elements to 5\u00a0%. The wear of both bodies together is not concerned.",
 };
 
 /** Whether a warning does not matter after this number of cycles: profiles that change within a cycle matter at the beginning. */

@@ -24,8 +24,7 @@ function ofOutput(columns, output) {
 }
 
 const SHARES = { minimum: 0, percentile_2_5: 0.025, percentile_5: 0.05, percentile_25: 0.25, median: 0.5, percentile_75: 0.75, percentile_95: 0.95, percentile_97_5: 0.975, maximum: 1 };
-/** Maximum number of bins. */
-const BINS = 50;
+const MAX_BINS = 50;
 
 /** The value below which a share of sorted values lies. */
 const percentile = (values, share, at = share * (values.length - 1)) => values[Math.floor(at)] + (at % 1) * (values[Math.ceil(at)] - values[Math.floor(at)]);
@@ -43,7 +42,7 @@ export function summarized({ outputs, table }) {
     add(statistics, { output, points: n, mean, standard_deviation: n > 1 ? Math.sqrt(values.reduce((sum, value) => sum + (value - mean) ** 2 / (n - 1), 0)) : null,
       ...Object.fromEntries(Object.entries(SHARES).map(([name, share]) => [name, percentile(values, share)])) });
     const [low, high] = [values[0], values[n - 1]];
-    const count = high > low ? Math.min(BINS, Math.ceil(Math.sqrt(n))) : 1;
+    const count = high > low ? Math.min(MAX_BINS, Math.ceil(Math.sqrt(n))) : 1;
     const place = (value) => (high > low ? Math.min(count - 1, Math.floor(count * (value - low) / (high - low))) : 0);
     for (let i = 0; i < count; i += 1) add(bins, { output, from: low + (high - low) * i / count, to: low + (high - low) * (i + 1) / count, points: values.filter((value) => place(value) === i).length });
   }
