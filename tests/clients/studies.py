@@ -133,6 +133,8 @@ def warned(page, base):
     open_study(page, base, key)
     card = page.locator("section[aria-label=Warnings]")
     expect(card).to_contain_text(re.compile("For example at U\u00a0=\u00a0250\u00a0µm.*The amplitude at the contact, 250\u00a0µm, is larger than the contact radius"))
+    # An error is no output whose greatest value matters.
+    expect(page.locator("#verdicts li")).to_have_count(1)
     large = [error > 0.02 for error in ask(base, f"/v1/results/{key}")["table"]["wear_volume_error"]]
     assert [cell.endswith("⚠") for cell in page.locator("#study tbody td:last-child").all_inner_texts()] == large and any(large), large
     open_study(page, base, computed(base, sweep(base, ("/friction", 0.6, 0.8, 3))))

@@ -64,7 +64,7 @@ export function greatestOf(view) {
   const { members: [member, ...others], outputs, table, count, title, text } = view;
   if (!member || others.length || count < 3) return false;
   const order = table[member].map((_, row) => row).sort((a, b) => table[member][a] - table[member][b]);
-  const items = outputs.map((output) => {
+  const items = outputs.filter((name) => !name.endsWith("_error")).map((output) => {
     const rows = order.filter((row) => Number.isFinite(table[output][row]));
     const [most, least] = [Math.max, Math.min].map((extreme) => rows.reduce((best, row) => extreme(best, table[output][row]), table[output][rows[0]]));
     if (!(most > least)) return null;
