@@ -36,7 +36,7 @@ export class Fieldset {
     const groups = Map.groupBy(choicesOf(scenario), (choice) => choice.group);
     fill(this.element, [...groups].map(([name, choices]) => group(name, choices.map((choice) => this.#drawChoice(choice)))));
     const others = varied(study).filter((pointer) => !this.names.has(pointer));
-    this.element.append(h("button", { type: "button", class: "vary", onclick: () => this.#explain() }, "What these numbers mean"));
+    this.element.append(h("button", { type: "button", class: "plain small", onclick: () => this.#explain() }, "What these numbers mean"));
     if (others.length) this.element.append(group("Varied values without a field", others.map((pointer) => this.#drawOther(pointer))));
   }
 
