@@ -22,7 +22,7 @@ MASTER = "fretwork_" + "0123456789abcdef" * 3
 SECRET = "the-secret-of-the-proxy"
 server = functools.partial(Server, sys.argv[1])
 # The controls that only some users have.
-CONTROLS = ["Keep", "Pin", "Note", "Share link", "Add measurement", "Fit", "Cancel"]
+CONTROLS = ["Save", "Pin", "Note", "Share link", "Add measurement", "Fit", "Cancel"]
 
 
 def keys(own, *arguments):
@@ -103,7 +103,7 @@ def one_sign_in(browser, own):
     dialog = page.locator("dialog")
     for place, field in ((page, "0.517"), (tab, "0.518")):
         sign_out(place)
-        expect(place.locator("dialog")).to_contain_text("What you have typed in forms of this browser and not kept as a run will be deleted.")
+        expect(place.locator("dialog")).to_contain_text("What you have typed in forms of this browser and not saved as a run will be deleted.")
         browser.check_view(place, "sign-out")
         place.get_by_role("button", name="Cancel").click()
         place.reload()
@@ -114,14 +114,14 @@ def one_sign_in(browser, own):
     page.get_by_role("button", name="Discard it").click()
     # A request of the other tab that the server refuses during the sign-out asks why no longer.
     held = []
-    tab.route("**/v1/library*", held.append)
+    tab.route("**/v1/results*", lambda route: held.append(route))
     tab.goto(own.base + "/#/library")
     sign_out(page)
     until(tab, lambda: held)
     ended = {"type": "/problems/session-ended", "status": 401, "detail": "The session has ended. Sign in again."}
     held[0].fulfill(status=401, content_type="application/problem+json", json=ended)
     expect(tab.locator("#key-reason")).to_have_text(ended["detail"])
-    tab.unroute("**/v1/library*")
+    tab.unroute("**/v1/results*")
     dialog.get_by_role("button", name="Sign out and delete it").click()
     for place in (page, tab):
         place.wait_for_function(f"() => !/0.51[78]/.test({kept})")
@@ -179,6 +179,7 @@ def roles(browser, own, key):
         def look(address, ready):
             page.goto(own.base + address)
             page.locator(ready).first.wait_for(state="attached")
+            open_actions(page)
             shown.update(name for name in CONTROLS if page.get_by_role("button", name=re.compile(f"^{name}")).count())
 
         look("/#/new", "#limited" if role == "read" else "#headline dd")
@@ -264,9 +265,15 @@ def keys_page(browser, own):
         page.context.close()
 
 
+def open_actions(page):
+    """Opens the menu of a result, if the page has one."""
+    page.evaluate("document.querySelectorAll('.actions details.menu').forEach((menu) => { menu.open = true; })")
+
+
 def share(page):
     """The link that the button copies to the clipboard."""
     page.evaluate("navigator.clipboard.writeText('')")
+    open_actions(page)
     page.get_by_role("button", name="Share link").click()
     return page.evaluate("""async () => {
         for (;;) {
@@ -287,6 +294,7 @@ def shared(browser, own):
     page.click("button.primary")
     page.wait_for_url("**/#/result/*")
     page.wait_for_selector("#headline dd")
+    open_actions(page)
     page.select_option("#link-lifetime", label="for a day")
     link = share(page)
     assert 23 < (int(re.search(r"link=(\d+)", link)[1]) - time.time()) / 3600 <= 24, link
@@ -311,7 +319,7 @@ def shared(browser, own):
     expect(guest.locator("#bodies-0-youngs_modulus")).to_have_value("205 GPa")
     expect(guest.locator("#canonical")).to_be_hidden()
     assert guest.locator(".vary").count() == 0
-    expect(guest.locator("#limited")).to_contain_text("To compute and keep a run with them, sign in with an access key.")
+    expect(guest.locator("#limited")).to_contain_text("To compute and save a run with them, sign in with an access key.")
     expect(guest.locator("#label")).to_have_value("Shown to a guest")
     guest.fill("#friction", "0.5")
     guest.press("#friction", "Control+Enter")
@@ -323,7 +331,7 @@ def shared(browser, own):
     guest.get_by_role("button", name="Sign in").first.click()
     enter(guest, dora)
     expect(item(guest, "regime")).to_have_text("Gross slip")
-    expect(guest.get_by_role("button", name="Keep")).to_be_enabled()
+    expect(guest.get_by_role("button", name="Save")).to_be_enabled()
     # The link of a comparison opens both results, with their names.
     scenario = {**page.context.request.get(own.base + "/v1/examples/steel-ball").json()["scenario"], "friction": 0.6}
     second = ask(own.base, "/v1/jobs", {"scenario": scenario, "label": "Other"}, headers={"Authorization": f"Bearer {dora}"})["key"]
@@ -359,6 +367,7 @@ def sign_on(browser, data):
         page.wait_for_url("**/#/result/*")
         page.wait_for_selector("#headline dd")
         # A link needs the key of its maker.
+        open_actions(page)
         expect(page.get_by_role("button", name="Pin")).to_be_visible()
         assert page.get_by_role("button", name="Share link").count() == 0
         page.context.set_extra_http_headers({})
