@@ -55,8 +55,10 @@ def without_comments(source):
 
 
 def test_items(source):
-    """The spans (start, end) of the items under `#[cfg(test)]`."""
+    """The spans (start, end) of the items under `#[cfg(test)]`; the whole file if it begins with `#![cfg(test)]`."""
     code = without_comments(source)
+    if code.lstrip().startswith("#![cfg(test)]"):
+        return [(0, len(code))]
     spans = []
     for match in re.finditer(r"#\[cfg\(test\)\]", code):
         if spans and match.start() < spans[-1][1]:

@@ -108,7 +108,7 @@ pub(super) async fn release(
     if tx.db.changed_by(query).await? == 0 {
         return Ok(false);
     }
-    tx.queue.release(run, number);
+    tx.queue.release((run, Some(number)));
     tx.effects.extend([Effect::LetGo((run, Some(number))), Effect::Queued]);
     Ok(true)
 }

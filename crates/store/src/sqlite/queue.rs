@@ -22,6 +22,9 @@ use crate::database::{Columns as _, Result, RunId, RunPart, Tables as _, read, s
 use crate::jobs::claimed::{Stages, Study};
 use fretwork_job::JobId;
 
+#[cfg(test)]
+mod simulation;
+
 /// The position of a job in the lane of its owner: the priority, whether the run is a study, and the id. Ids are
 /// ordered by the time of the submission.
 type LanePosition = (u8, bool, JobId);
@@ -222,10 +225,10 @@ impl Queue {
         is_ready(self) && !was_ready
     }
 
-    /// Queues a running piece again.
-    pub(super) fn release(&mut self, run: RunId, number: u32) {
-        self.rest((run, Some(number)));
-        self.change(run, |study| {
+    /// Ends a running part that waits again. The caller adds the jobs of a whole run afterwards.
+    pub(super) fn release(&mut self, part: RunPart) {
+        self.rest(part);
+        self.change(part.0, |study| {
             study.running -= 1;
             study.queued += 1;
         });
@@ -255,7 +258,7 @@ impl Queue {
     }
 
     /// Records that a part is no longer running.
-    pub(super) fn rest(&mut self, part: RunPart) {
+    fn rest(&mut self, part: RunPart) {
         let Some(owner) = self.working.remove(&part) else { return };
         self.lane(&owner).working -= 1;
         self.tidy(&owner);
@@ -472,7 +475,7 @@ mod tests {
         // A job that joins now waits for the remaining pieces, too.
         queue.add(study, "bob", 3, JobId::generate());
         assert_eq!(queue.jobs, 0);
-        queue.release(study, 0);
+        queue.release((study, Some(0)));
         assert_eq!((queue.waiting_of("ada"), queue.waiting_of("bob")), (1, 1));
         queue.leave(study, 3, job);
         // Jobs of a study that has begun do not count as queued.
@@ -495,7 +498,7 @@ mod tests {
             queue.add(RunId(run), owner, 3, JobId::generate());
         }
         assert_eq!(take(&mut queue), Some((RunId(1), Some(0))));
-        queue.release(RunId(1), 0);
+        queue.release((RunId(1), Some(0)));
         queue.lost = BTreeMap::from([((RunId(1), Some(0)), 1), ((RunId(2), None), 2)]);
         let next = |queue: &Queue, is_settled| queue.next(|_| Some(0), is_settled);
         assert_eq!(next(&queue, false), Some((RunId(3), "bob".into())));

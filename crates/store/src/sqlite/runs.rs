@@ -198,14 +198,13 @@ async fn end(tx: &mut Transaction, update: Statement, run: RunId, ending: Ending
     Ok(true)
 }
 
-/// Removes a run from the queue, and adds the signals of its end.
+/// Tells the queue that a run has ended or was released, and adds the signals of this.
 fn ended(tx: &mut Transaction, run: RunId, key: Key, started: Option<i64>, ending: Ending) {
     // The duration of a study is not recorded, because it may have waited between its pieces.
     let started = started.filter(|_| !tx.queue.is_study(run));
-    if ending == Ending::Released {
-        tx.queue.rest((run, None));
-    } else {
-        tx.queue.end(run);
+    match ending {
+        Ending::Released => tx.queue.release((run, None)),
+        _ => tx.queue.end(run),
     }
     tx.effects.push(Effect::Unwanted(run));
     tx.effects.push(Effect::Ended(key));
