@@ -1,6 +1,7 @@
 //! The store: coalescing, fencing, cancellation, recovery, lists, and files that it refuses to open.
 
 use std::collections::{HashMap, HashSet};
+use std::env;
 use std::fs::{self, File};
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
@@ -9,10 +10,11 @@ use std::time::Duration;
 use fretwork_job::{Answer, Cost, FailureKind, Job, JobId, JobState, Key, Origin};
 use fretwork_store::{
     Actor, Administration, Admission, Answered, Canceled, Claimed, Deleted, Error, Filter, Finish,
-    NewJob, Options, Piece, Recovered, RunId, Store, StoredResult, Submitted,
+    NewJob, Options, Owners, Piece, Recovered, RunId, Store, StoredResult, Submitted,
 };
 use proptest::prelude::*;
-use proptest::sample::Index;
+use proptest::sample::{Index, subsequence};
+use proptest::test_runner::RngSeed;
 use serde_json::json;
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{Connection, Executor, SqliteConnection};
@@ -439,6 +441,22 @@ async fn after_a_crash_a_run_waits_and_then_no_other_suspect_runs_beside_it(on: 
     }
 }
 
+#[tokio::test]
+async fn a_run_that_was_lost_and_then_given_back_stays_a_suspect() {
+    let (db, store) = Database::fresh(Engine::Sqlite).await;
+    for number in 1..=2 {
+        accepted(store.submit(new_job(number)).await);
+        assert_eq!(claim(&store).await.key, key(number));
+    }
+    let (_db, store) = db.after_a_crash().await;
+    store.recover().await.unwrap();
+    let suspect = claim(&store).await;
+    assert!(store.release(&suspect).await.unwrap());
+    let again = claim(&store).await;
+    assert_eq!((again.run, again.attempt, again.lost), (suspect.run, 3, 1));
+    assert!(store.claim().await.unwrap().is_none(), "the other run was lost, too");
+}
+
 async fn runs_are_claimed_in_order_of_submission(on: Engine) {
     let (_db, store) = Database::fresh(on).await;
     for number in 0..5 {
@@ -628,7 +646,10 @@ fn the_error_names_the_required_owner_of_a_directory() {
 #[derive(Debug, Clone)]
 enum Verb {
     Submit(u8),
-    Claim,
+    /// Claims up to this many parts, of these owners.
+    Claim(usize, Vec<&'static str>),
+    /// A worker has computed for an owner, for this many seconds.
+    Computed(&'static str, u64),
     Progress(Index),
     Finish(Index),
     Fail(Index),
@@ -641,6 +662,9 @@ enum Verb {
     /// A transaction fails, after which the queue is read from the tables.
     Collide,
 }
+
+/// The owners of the random trial.
+const OWNERS: [&str; 3] = ["ada", "bob", "eve"];
 
 /// The number of chunks of a task of the random trial.
 fn chunks(number: u8) -> Option<NonZeroU32> {
@@ -664,7 +688,9 @@ fn verbs() -> impl Strategy<Value = Vec<Verb>> {
     let index = any::<Index>;
     let verb = prop_oneof![
         6 => (0..5u8).prop_map(Verb::Submit),
-        12 => Just(Verb::Claim),
+        10 => Just(Verb::Claim(1, OWNERS.to_vec())),
+        4 => (1..4usize, subsequence(OWNERS.to_vec(), 1..=3)).prop_map(|(most, of)| Verb::Claim(most, of)),
+        4 => (prop::sample::select(&OWNERS[..]), 0..100u64).prop_map(|(of, time)| Verb::Computed(of, time)),
         1 => index().prop_map(Verb::Progress),
         8 => index().prop_map(Verb::Finish),
         1 => index().prop_map(Verb::Fail),
@@ -833,6 +859,14 @@ const CLAIMABLE: &str = "
         WHEN EXISTS (SELECT 1 FROM chunk WHERE chunk.run = run.id AND chunk.state = 'queued') THEN TRUE
         ELSE NOT EXISTS (SELECT 1 FROM chunk WHERE chunk.run = run.id AND chunk.state <> 'done') END";
 
+/// The number of runs and studies of which a worker can claim a part in the turn of this owner.
+fn claimable_of(owner: &str) -> String {
+    format!(
+        "{CLAIMABLE} AND EXISTS (SELECT 1 FROM job
+             WHERE job.run = run.id AND job.finished IS NULL AND job.owner = '{owner}')"
+    )
+}
+
 /// The number of unfinished parts that were lost in a crash.
 fn suspects(on: Engine) -> String {
     // In PostgreSQL, the last claim of a running part counts as a loss until the part ends.
@@ -885,14 +919,15 @@ impl Trial {
         let store = &self.store;
         match verb {
             Verb::Submit(number) => {
-                let (count, owners) = (self.jobs.len(), ["ada", "bob", "eve"]);
-                let owner = owners[count % 3].to_owned();
+                let count = self.jobs.len();
+                let owner = OWNERS[count % 3].to_owned();
                 let priority = u8::try_from(count * 5 % 8).unwrap();
                 let chunks = chunks(*number);
                 let new = NewJob { owner, priority, chunks, ..new_job(*number) };
                 self.jobs.push(accepted(store.submit(new).await).id);
             }
-            Verb::Claim => self.claim().await,
+            Verb::Claim(most, of) => self.claim(*most, of).await,
+            Verb::Computed(owner, time) => store.computed(owner, Duration::from_secs(*time)),
             Verb::Cancel(index) if !self.jobs.is_empty() => {
                 let canceled =
                     store.cancel(*index.get(&self.jobs), Actor::default()).await.unwrap();
@@ -940,27 +975,41 @@ impl Trial {
         }
     }
 
-    async fn claim(&mut self) {
-        let claimable = self.raw.count(CLAIMABLE).await;
-        let claimed = self.store.claim().await.unwrap();
+    async fn claim(&mut self, most: usize, of: &[&str]) {
+        let mut waiting = Vec::new();
+        for owner in of {
+            if self.raw.count(&claimable_of(owner)).await > 0 {
+                waiting.push(*owner);
+            }
+        }
+        let except = OWNERS.into_iter().filter(|owner| !of.contains(owner)).map(str::to_owned);
+        let owners = Owners { below: u64::MAX, except: except.collect() };
+        let claims = self.store.claim_up_to(most, owners).await.unwrap();
         // A part that was lost in a crash waits for others, or others wait for it.
-        let waits = claimed.is_none()
-            && self.raw.count(&suspects(self.on)).await > 0
-            && self.raw.count(RUNNING).await > 0;
-        assert_eq!(
-            claimed.is_some() || waits,
-            claimable > 0 || waits,
-            "{claimable} runs have work: {claimed:?}"
-        );
-        let Some(claimed) = claimed else { return };
-        let number = match claimed.piece {
-            Piece::Whole { .. } => None,
-            Piece::Chunk { number, .. } => Some(number),
-            Piece::Assembly { of } => Some(of),
-        };
-        let before = self.attempts.insert((claimed.run, number), claimed.attempt).unwrap_or(0);
-        assert_eq!(claimed.attempt, before + 1, "an attempt number is used once");
-        self.claims.push(claimed);
+        if self.raw.count(&suspects(self.on)).await == 0 {
+            assert_eq!(claims.is_empty(), waiting.is_empty(), "{waiting:?} wait: {claims:?}");
+            if let Some(first) = claims.first() {
+                // All usage decays at the same rate. So the least one stays the least, except for the rounding.
+                let least = waiting.iter().map(|owner| self.store.usage(owner)).min().unwrap();
+                let used = self.store.usage(&first.owner);
+                assert!(used <= least + 1, "{first:?} has {used}, another owner {least}");
+            }
+        } else if claims.is_empty() && !waiting.is_empty() {
+            assert!(self.raw.count(RUNNING).await > 0, "{waiting:?} wait for nothing");
+        }
+        assert!(claims.len() <= most);
+        for claimed in claims {
+            assert!(waiting.contains(&&*claimed.owner), "{claimed:?} is not among {waiting:?}");
+            let number = match claimed.piece {
+                Piece::Whole { .. } => None,
+                Piece::Chunk { number, .. } => Some(number),
+                Piece::Assembly { of } => Some(of),
+            };
+            let part = (claimed.run, number);
+            let before = self.attempts.insert(part, claimed.attempt).unwrap_or(0);
+            assert_eq!(claimed.attempt, before + 1, "an attempt number is used once");
+            self.claims.push(claimed);
+        }
     }
 
     /// Ends a claim, or reports its progress.
@@ -1061,12 +1110,20 @@ fn try_in_order(verbs: &[Verb], on: Engine) {
     });
 }
 
-proptest! {
-    #![proptest_config(ProptestConfig {
-        cases: 24,
+/// The seed of the histories, and their number on each database.
+fn histories() -> ProptestConfig {
+    let seed = env::var("FRETWORK_TEST_SEED").map_or(1, |seed| seed.parse().unwrap());
+    ProptestConfig {
+        cases: if env::var_os("FRETWORK_TEST_LONG").is_some() { 2000 } else { 24 },
+        rng_seed: RngSeed::Fixed(seed),
         failure_persistence: None,
         ..ProptestConfig::default()
-    })]
+    }
+}
+
+// A history that fails is printed, and the shortest one that fails. `FRETWORK_TEST_SEED` chooses other histories.
+proptest! {
+    #![proptest_config(histories())]
 
     /// This takes more than 5 s, because each of 24 histories opens the database several times.
     #[test]
