@@ -155,12 +155,12 @@ impl Worker {
             (|owner: &str| self.store.usage(owner), (!piece.waits).then_some(piece.owner));
         let owners = self.parking.others(usage, below, but);
         let below = owners.below;
-        if !is_open() || !self.parking.may_claim(below) {
+        if !is_open() || !self.parking.may_claim(below, Instant::now()) {
             return false;
         }
         let claims = self.runtime.block_on(self.store.claim_up_to(1, owners)).unwrap_or_default();
         if claims.is_empty() {
-            self.parking.found_nothing(below);
+            self.parking.found_nothing(below, Instant::now());
             return false;
         }
         self.park(claimed, |goes_on| {

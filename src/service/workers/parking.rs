@@ -12,6 +12,9 @@ use tokio::sync::Notify;
 
 use fretwork_store::{Claimed, Owners};
 
+#[cfg(test)]
+mod simulation;
+
 /// A piece computes for at least this time before it is parked.
 pub(super) const SLICE: Duration = Duration::from_millis(200);
 /// Maximum number of parked pieces, each on a thread.
@@ -192,14 +195,14 @@ impl Parking {
 
     /// Whether a claim for owners below this usage may find something. After a futile one, no thread tries the same for
     /// a slice.
-    pub(super) fn may_claim(&self, below: u64) -> bool {
-        let is_new = |(at, tried): (Instant, u64)| below > tried || at.elapsed() >= SLICE;
+    pub(super) fn may_claim(&self, below: u64, now: Instant) -> bool {
+        let is_new = |(at, tried): (Instant, u64)| below > tried || now - at >= SLICE;
         self.state.lock().futile.is_none_or(is_new)
     }
 
     /// Notes that a claim for owners below this usage has found nothing.
-    pub(super) fn found_nothing(&self, below: u64) {
-        self.state.lock().futile = Some((Instant::now(), below));
+    pub(super) fn found_nothing(&self, below: u64, now: Instant) {
+        self.state.lock().futile = Some((now, below));
     }
 
     /// Parks a piece that has room, and gives its place to claimed pieces. Returns whether the piece has a place
