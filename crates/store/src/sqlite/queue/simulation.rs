@@ -79,8 +79,10 @@ impl Run {
         let first = |may: &dyn Fn(&Part) -> bool| {
             self.parts.iter().position(|part| waits(part) && may(part))
         };
-        if let Some(place) = first(&|part| part.lost > 0) {
-            return Some((place, self.parts[place].lost));
+        // Of the parts that were lost, the one that was lost most often comes first.
+        let most = self.parts.iter().filter(|part| waits(part)).map(|part| part.lost).max()?;
+        if most > 0 {
+            return first(&|part| part.lost == most).map(|place| (place, most));
         }
         let is_open = |place: &usize| {
             let begins = |stages: &Vec<u32>| stages.contains(&(*place as u32));
@@ -412,7 +414,7 @@ impl World {
         let row = self.runs.get_mut(&run.0).unwrap();
         let (place, lost) = row.next().expect("a worker can claim a part");
         let number = row.number(place);
-        assert_eq!(self.queue.lost_part(run), (lost > 0).then_some((number, lost)));
+        assert_eq!(self.queue.lost(run), lost);
         let part = &mut row.parts[place];
         (part.state, part.is_claimed) = (State::Running, true);
         let (left, kills) = (part.work, part.kills);
