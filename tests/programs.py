@@ -58,10 +58,10 @@ def computing_milliseconds(process):
 class Program:
     """A server or a worker. `where` are the options that name the database."""
 
-    def __init__(self, words, where, log, options=()):
+    def __init__(self, words, where, log, options=(), environment=None):
         self.log = log
         # Variables of the environment could change the settings.
-        environment = {"PATH": os.environ["PATH"], "FRETWORK_LOG": "warn"}
+        environment = {"PATH": os.environ["PATH"], "FRETWORK_LOG": "warn", **(environment or {})}
         with open(log, "a", encoding="utf-8") as file:
             self.process = subprocess.Popen([fretwork(), *words, *where, *options], env=environment,
                                             stdout=subprocess.PIPE, stderr=file, text=True)
@@ -79,8 +79,8 @@ class Program:
 class Server(Program):
     """A server on a free port of this machine."""
 
-    def __init__(self, where, log, options=()):
-        super().__init__(["serve", "--listen", "127.0.0.1:0"], where, log, options)
+    def __init__(self, where, log, options=(), environment=None):
+        super().__init__(["serve", "--listen", "127.0.0.1:0"], where, log, options, environment)
         line = self.process.stdout.readline()
         found = re.search(r"listens on (http://\S+)", line)
         assert found, f"the server did not start: {log.read_text()}"
