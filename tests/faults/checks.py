@@ -3,6 +3,7 @@
 import http.client
 import json
 import pathlib
+import subprocess
 import sys
 import time
 import uuid
@@ -11,7 +12,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 
 from programs import BALL, PATIENCE, Client, submission
 
-# What a fault of the disk, of the network or of the database may answer.
+# What a server may answer after a fault.
 ALLOWED = {"busy", "disk-full", "not-ready", "draining"}
 # A study of several chunks, and a run that a worker computes.
 STUDY = {"sweep": {
@@ -38,6 +39,10 @@ def finished(job):
 class Submitter:
     """Submits one job, again and again with one idempotency key, to servers of one database."""
 
+    allowed = ALLOWED
+    # A wait for the end of the job, where each request would meet faults.
+    wait = ""
+
     def __init__(self, body, expected, headers=None):
         # The label finds all jobs of this submitter.
         self.label = str(uuid.uuid4())
@@ -52,13 +57,17 @@ class Submitter:
         client = Client(server.port)
         try:
             answer, text = client.ask(method, path, body, **headers)
-        except (OSError, http.client.HTTPException):
+        except (OSError, http.client.HTTPException) as error:
+            try:
+                server.process.wait(timeout=PATIENCE)
+            except subprocess.TimeoutExpired:
+                raise Violation(f"{method} {path}: {error!r}, although the server lives") from None
             return None, None
         finally:
             client.close()
         if answer.status >= 500:
             kind = json.loads(text)["type"].rsplit("/", 1)[1]
-            require(kind in ALLOWED, f"{method} {path} answers {answer.status} {kind}")
+            require(kind in self.allowed, f"{method} {path} answers {answer.status} {kind}")
         return answer.status, text
 
     def submit(self, server):
@@ -77,7 +86,7 @@ class Submitter:
         begun = time.monotonic()
         while server.process.poll() is None:
             look()
-            status, text = self.ask(server, "GET", f"/v1/jobs/{self.id}")
+            status, text = self.ask(server, "GET", f"/v1/jobs/{self.id}{self.wait}")
             require(status != 404, f"the acknowledged job {self.id} is lost")
             if status == 200 and finished(json.loads(text)):
                 return json.loads(text)

@@ -239,7 +239,10 @@ impl From<store::Error> for Problem {
                 let detail = "The disk of the server is full. Its operator must free space.";
                 of(&kinds::DISK_FULL, detail)
             }
-            store::Error::Moved { .. } | store::Error::Newer { .. } | store::Error::Unfit(..) => {
+            store::Error::Disk(..)
+            | store::Error::Moved { .. }
+            | store::Error::Newer { .. }
+            | store::Error::Unfit(..) => {
                 let detail =
                     "The server cannot use its database. Its operator finds the reason in the log.";
                 of(&kinds::NOT_READY, detail).retry_after(30)

@@ -243,9 +243,16 @@ impl Worker {
                 Ok(None) => return Err(NotMade::Unwanted),
                 Err(Error::Closed) => return Err(NotMade::Interrupted),
                 Err(
-                    Error::Busy(_) | Error::Unreachable(_) | Error::Unfit(..) | Error::Exhausted,
+                    Error::Busy(_)
+                    | Error::Disk(_)
+                    | Error::Unreachable(_)
+                    | Error::Unfit(..)
+                    | Error::Exhausted,
                 ) => {}
-                Err(Error::Database(_)) if refused < MAX_REFUSALS => refused += 1,
+                // SQLite reports a read that fails as damage.
+                Err(Error::Database(_) | Error::Damaged(_)) if refused < MAX_REFUSALS => {
+                    refused += 1;
+                }
                 Err(error) => return Err(unreadable(error.to_string())),
             }
             self.pause(claimed)?;

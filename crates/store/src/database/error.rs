@@ -105,6 +105,9 @@ pub enum Error {
     /// The disk is full.
     #[error("no space is left for the database; free space on the disk")]
     Full(#[source] Arc<sqlx::Error>),
+    /// The disk does not read or write.
+    #[error("the disk of the database cannot be read or written; the log of the system says why")]
+    Disk(#[source] Arc<sqlx::Error>),
     /// The server has this file open, but its path now leads to another file or to none.
     #[error(
         "{} was deleted, moved or replaced while the server uses it; end the server by SIGTERM, so that it saves \
@@ -202,6 +205,7 @@ impl From<sqlx::Error> for Error {
         /// Length of an error code of PostgreSQL. Codes of SQLite are shorter.
         const SQLSTATE: usize = 5;
         const SQLITE_BUSY: u32 = 5;
+        const SQLITE_IOERR: u32 = 10;
         const SQLITE_CORRUPT: u32 = 11;
         const SQLITE_FULL: u32 = 13;
         const SQLITE_NOTADB: u32 = 26;
@@ -228,6 +232,7 @@ impl From<sqlx::Error> for Error {
         match kind {
             Some(SQLITE_BUSY) => Self::Busy(Arc::new(error)),
             Some(SQLITE_FULL) => Self::Full(Arc::new(error)),
+            Some(SQLITE_IOERR) => Self::Disk(Arc::new(error)),
             Some(SQLITE_CORRUPT | SQLITE_NOTADB) => Self::Damaged(Arc::new(error)),
             _ => Self::Database(Arc::new(error)),
         }

@@ -106,7 +106,7 @@ async fn prepare(dir: &Path, options: SqliteConnectOptions) -> Result<SqliteConn
     rekey(&mut db).await?;
     match outline::complete(&mut db).await {
         Ok(()) => {}
-        Err(error @ (Error::Full(_) | Error::Busy(_))) => return Err(error),
+        Err(error @ (Error::Full(_) | Error::Busy(_) | Error::Disk(_))) => return Err(error),
         // The server must start even if the table of the search is damaged.
         Err(error) => {
             let error = &error as &dyn std::error::Error;
