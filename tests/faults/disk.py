@@ -115,6 +115,14 @@ class Trial:
     def arm(self):
         self.control.arm(self.at, self.kind)
 
+    def disarm(self):
+        """Takes the fault away, and waits for a program that it kills."""
+        self.calls = self.control.calls()
+        self.control.disarm()
+        if self.kind in DEADLY and self.control.hits:
+            for server in self.servers:
+                server.process.wait(timeout=PATIENCE)
+
     def look(self):
         """Ends a lasting fault after a while."""
         if self.kind in LASTING and self.control.hits:
@@ -183,11 +191,7 @@ class Operation:
     def run(self, trial):
         if self.snapshot:
             shutil.copytree(self.snapshot, trial.data)
-        submitters = self.act(trial)
-        if trial.kind in DEADLY and trial.control.hits:
-            for server in trial.servers[:1]:
-                server.process.wait(timeout=PATIENCE)
-        trial.verify(submitters + self.copies())
+        trial.verify(self.act(trial) + self.copies())
 
 
 class Submission(Operation):
@@ -205,8 +209,7 @@ class Submission(Operation):
         trial.arm()
         if submitter.submit(server):
             submitter.follow(server, trial.look)
-        trial.calls = trial.control.calls()
-        trial.control.disarm()
+        trial.disarm()
         submitter.allowed = Submitter.allowed
         return [submitter]
 
@@ -217,8 +220,7 @@ class Start(Operation):
     def act(self, trial):
         trial.arm()
         server = trial.start(trial.shimmed)
-        trial.calls = trial.control.calls()
-        trial.control.disarm()
+        trial.disarm()
         if server.port is None:
             code = server.process.wait(timeout=PATIENCE)
             require(code == (-9 if trial.kind in DEADLY else 1), f"the start ends with {code}")
@@ -235,8 +237,7 @@ class End(Operation):
         submitter.follow(server)
         trial.arm()
         server.end()
-        trial.calls = trial.control.calls()
-        trial.control.disarm()
+        trial.disarm()
         return [submitter]
 
 
@@ -251,8 +252,7 @@ class Command(Operation):
         words = [word.format(disk=trial.disk) for word in self.words] + ["--data-dir", trial.data]
         trial.arm()
         code, said = trial.command(*words, faulty=True)
-        trial.calls = trial.control.calls()
-        trial.control.disarm()
+        trial.disarm()
         require(code in ((0, -9) if trial.kind in DEADLY else (0, 1)), f"it ends with {code}: {said}")
         self.check(trial, code == 0, words)
         return []
@@ -380,7 +380,8 @@ class Disk:
         try:
             self.operations[name].run(trial)
             return trial.control.met, None
-        except Violation as violation:
-            return trial.control.met, f"{violation}\n{trial.log.read_text()[-3000:]}"
+        except (Violation, OSError, subprocess.SubprocessError, ValueError, KeyError) as error:
+            logged = trial.log.read_text()[-3000:] if trial.log.exists() else ""
+            return trial.control.met, f"{error!r}\n{logged}"
         finally:
             trial.close()

@@ -192,10 +192,10 @@ class Network:
             require("panicked" not in self.log.read_text()[logged:], "the server panicked")
             self.submitters.append(submitter)
             return is_met, None
-        except Violation as violation:
+        except (Violation, OSError, ValueError, KeyError) as violation:
             if self.server.process.poll() is not None:
                 self.server = Server(self.proxy.url, self.log)
-            return True, f"{violation}\n{self.log.read_text()[logged:][-3000:]}"
+            return True, f"{violation!r}\n{self.log.read_text()[logged:][-3000:]}"
 
     def hang_up(self, server, name, dice):
         """A client goes before the answer, and submits twice more at the same time. Returns what is wrong."""
