@@ -1,5 +1,6 @@
 """Faults of the data directory at the n-th call that reads or writes it, by the preloaded library of shim.c."""
 
+import copy
 import mmap
 import os
 import pathlib
@@ -23,7 +24,7 @@ UNREADABLE = {"fails", "fails from then on"}
 MET = {"full": "wtsn", "short": "wr"}
 # Seconds that a lasting fault lasts from the first call that met it.
 LASTS = 0.3
-# The library waits for no pause after a crash.
+# Runs that a kill has interrupted continue at once.
 PLAIN = {"FRETWORK_CRASH_PAUSE": "0s"}
 
 
@@ -180,13 +181,8 @@ class Operation:
         self.name, self.kept, self.snapshot = name, list(kept), snapshot
 
     def copies(self):
-        """Submitters of the jobs in the data directory."""
-        copies = []
-        for known in self.kept:
-            copy = Submitter({}, known.expected)
-            copy.__dict__.update(known.__dict__)
-            copies.append(copy)
-        return copies
+        """Submitters of the jobs in the data directory, which remember ids of their own."""
+        return [copy.copy(known) for known in self.kept]
 
     def run(self, trial):
         if self.snapshot:
@@ -299,11 +295,19 @@ class Backup(Command):
 class Restore(Command):
     """The restore of a backup in the place of a database."""
 
-    def __init__(self, file, *arguments):
+    def __init__(self, file, replaced, *arguments):
         super().__init__("restore", ["restore", str(file), "--replace"], *arguments)
+        # A job of the replaced database.
+        self.replaced = replaced
 
     def check(self, trial, is_done, words):
         if not is_done:
+            # One of the two databases is in place, and whole.
+            server = trial.sound()
+            jobs = (self.replaced, *self.kept)
+            found = [job.ask(server, "GET", f"/v1/jobs/{job.id}")[0] == 200 for job in jobs]
+            require(found[1:] == [not found[0]] * len(self.kept), f"the jobs of both databases: {found}")
+            server.end()
             trial.must(*words)
 
 
@@ -327,7 +331,8 @@ class Disk:
         for submitter in kept:
             submitter.verify(server)
         server.end()
-        data, imported, backup = self.directory / "data", self.directory / "all.zst", self.directory / "backup.db"
+        names = ("data", "all.zst", "backup.db", "killed", "other")
+        data, imported, backup, killed, other = (self.directory / name for name in names)
         shutil.copytree(place.data, data)
         keys = list(self.expected)
         place.must("export", imported, "--data-dir", place.data)
@@ -337,23 +342,22 @@ class Disk:
         waiting = Submitter(submission({"friction": 0.61}), self.expected)
         waiting.repeat(server)
         server.end(signal.SIGKILL)
-        killed = self.directory / "killed"
         shutil.copytree(place.data, killed, ignore=shutil.ignore_patterns("*-shm"))
-        empty = self.directory / "other"
-        other = Trial(self.directory / "other-place", self.shim, 0, "none", self.expected)
-        server = other.sound()
+        # Another database, into which the import goes, and which the restore replaces.
+        place = Trial(self.directory / "prepared-other", self.shim, 0, "none", self.expected)
+        server = place.sound()
         small = Submitter(submission({"friction": 0.62}), self.expected)
         small.verify(server)
         server.end()
-        shutil.copytree(other.data, empty)
+        shutil.copytree(place.data, other)
         study = STUDY | {"sweep": STUDY["sweep"] | {"outputs": ["wear_depth"]}}
         operations = [
             Submission("run", submission({"friction": 0.7}), kept, data),
             Submission("run while the client waits", submission({"friction": 0.71}), kept, data, Prefer="wait=60"),
             Submission("study", study, kept, data),
-            Import(imported, keys, [small], empty),
+            Import(imported, keys, [small], other),
             Backup(kept, data),
-            Restore(backup, kept, empty),
+            Restore(backup, small, kept, other),
             Start("first start"),
             Start("start after a kill", [*kept, waiting], killed),
             End("end", kept, data),

@@ -102,7 +102,8 @@ static enum kind meets_file(char call, int file) {
         if (met == FULL) return errno = ENOSPC, -1; \
         if (met == SHORT) return part; \
         if (met == TORN) { \
-            if ((part) < 0) _exit(99); \
+            ssize_t done = (part); \
+            (void)done; \
             kill(getpid(), SIGKILL); \
             pause(); \
         } \
