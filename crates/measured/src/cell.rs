@@ -139,19 +139,20 @@ impl Spelling {
             (point, '.', ',', is_between_commas || !points[0].is_empty()),
             (comma, ',', '.', !commas[0].is_empty()),
         ] {
-            if decimal == Some(other) && !example.is_empty() {
-                let (own, better) = (set(other), set(mark));
+            if example.is_empty() || decimal == Some(mark) {
+                continue;
+            }
+            let [own, other] = [mark, other].map(set);
+            if decimal.is_some() {
                 return Err(format!(
-                    "“{example}” is no number with {own}. Write {better}, or leave it out"
+                    "“{example}” is no number with {other}. Write {own}, or leave it out"
                 ));
             }
-            if decimal.is_none() && !example.is_empty() && !is_sure {
+            if !is_sure {
                 let (whole, part) = (example.replace(mark, ""), example.replace(mark, "."));
                 return Err(format!(
-                    "“{example}” can be {whole} or {part}. Write {} if its mark separates thousands, or {} if it is the decimal \
-                     mark. In the file, write it as {whole} or with another digit at its end",
-                    set(other),
-                    set(mark)
+                    "“{example}” can be {whole} or {part}. Write {other} if its mark separates thousands, or {own} if it is \
+                     the decimal mark. In the file, write it as {whole} or with another digit at its end"
                 ));
             }
         }

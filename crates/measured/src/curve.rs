@@ -61,21 +61,17 @@ pub fn smooth(values: &[f64], width: usize) -> Vec<f64> {
 
 /// The period in rows, from the strokes that are longer than half of the spread, without a steady drift.
 pub fn period(x: &[f64]) -> f64 {
-    let middle = 0.5 * (x.len() - 1) as f64;
-    let mean = x.iter().sum::<f64>() / x.len() as f64;
-    let times = || (0..x.len()).map(|row| row as f64 - middle);
-    let drift = times().zip(x).map(|(time, x)| time * (x - mean)).sum::<f64>()
-        / times().map(|time| time * time).sum::<f64>();
-    let level: Vec<f64> = times().zip(x).map(|(time, x)| x - drift * time).collect();
+    let (first, last) = x.split_at(x.len() / 2);
+    let [first, last] = [first, last].map(|half| median(half.iter().copied()));
+    let drift = (last - first) / (x.len() / 2) as f64;
+    let level: Vec<f64> = x.iter().zip(0..).map(|(x, row)| x - drift * f64::from(row)).collect();
     let turns = turns(&level, 0.5 * spread(&level));
     let inner = turns.get(1..turns.len().saturating_sub(1)).unwrap_or(&[]);
-    let mut lengths: Vec<usize> = inner.windows(3).map(|near| near[2] - near[0]).collect();
-    let quarter = lengths.len() / 4;
-    match *inner {
-        [] | [_] => x.len() as f64,
-        [one, other] => 2.0 * (other - one) as f64,
-        _ => *lengths.select_nth_unstable(quarter).1 as f64,
-    }
+    let length = |strokes: usize| {
+        median(inner.windows(strokes + 1).map(|near| (near[strokes] - near[0]) as f64))
+    };
+    let lengths = [length(2), 2.0 * length(1)];
+    lengths.into_iter().find(|length| *length > 0.0).unwrap_or(x.len() as f64)
 }
 
 /// How far the displacement has drifted in each row: along a line, and with the medians of a few
@@ -89,11 +85,8 @@ pub fn drift(x: &[f64], turns: &[usize]) -> Vec<f64> {
         return vec![0.5 * (low + high); x.len()];
     }
     let few: Vec<_> = middles.iter().step_by(1 + middles.len() / PAIRS * 2).collect();
-    // Where the amplitude grows, every other stroke has another middle.
-    let step = if few.len() < 5 { 1 } else { 2 };
-    let slopes = few.iter().enumerate().flat_map(|(at, one)| {
-        let others = few[..at].iter().rev().skip(step - 1).step_by(step);
-        others.map(move |other| (one.1 - other.1) / (one.0 - other.0))
+    let slopes = (1..few.len()).flat_map(|step| {
+        few.windows(step + 1).map(move |it| (it[step].1 - it[0].1) / (it[step].0 - it[0].0))
     });
     let slope = median(slopes);
     let is_small = (slope * x.len() as f64).abs() < SMALL * (high - low);
@@ -149,10 +142,7 @@ pub fn slope([count, xx, xy, yy]: [f64; 4], [of_x, of_y]: [f64; 2]) -> [f64; 2] 
 /// The standard deviation of the noise, from fourth differences, and at least that of rounding to the smallest step.
 pub fn noise(values: &[f64]) -> f64 {
     let fourth = |v: &[f64]| (v[0] - 4.0 * v[1] + 6.0 * v[2] - 4.0 * v[3] + v[4]).abs();
-    let mut differences: Vec<f64> = values.windows(5).map(fourth).collect();
-    let middle = differences.len() / 2;
-    let scatter =
-        *differences.select_nth_unstable_by(middle, f64::total_cmp).1 / (0.6745 * 70f64.sqrt());
+    let scatter = median(values.windows(5).map(fourth)) / (0.6745 * 70f64.sqrt());
     let least = 1e-9 * ends(values.iter().map(|it| it.abs()))[1];
     let steps = || values.windows(2).map(|pair| (pair[1] - pair[0]).abs());
     let step = ends(steps().filter(|step| *step > least))[0];
@@ -184,18 +174,16 @@ pub fn turns(x: &[f64], least: f64) -> Vec<usize> {
 
 /// The energy until each row, along cubic curves whose tangents are parallel to the chords between the neighbours.
 pub fn work(x: &[f64], force: &[f64]) -> Vec<f64> {
-    let [x, force] = [x, force].map(|v| {
-        // Both ends continue as parabolas.
-        let beyond = |[a, b, c]: [usize; 3]| 3.0 * (v[a] - v[b]) + v[c];
-        let last = v.len() - 1;
-        let before = [beyond([0, 1, 2])].into_iter().chain(v.iter().copied());
-        before.chain([beyond([last, last - 1, last - 2])]).collect::<Vec<_>>()
-    });
+    let last = x.len() - 1;
+    let tangent = |v: &[f64], row: usize| {
+        let (from, to) = (row.saturating_sub(1), (row + 1).min(last));
+        (v[to] - v[from]) / (to - from) as f64
+    };
     let mut sum = 0.0;
-    let after = x.windows(4).zip(force.windows(4)).map(|(x, force)| {
-        let tangents = |v: &[f64]| (v[2] - v[1], 0.5 * (v[2] - v[0]), 0.5 * (v[3] - v[1]));
-        let ((dx, u, u1), (df, f, f1)) = (tangents(x), tangents(force));
-        sum += 0.5 * dx * (force[1] + force[2]) + (dx * (f - f1) - df * (u - u1)) / 12.0
+    let after = (0..last).map(|row| {
+        let [(dx, u, u1), (df, f, f1)] =
+            [x, force].map(|v| (v[row + 1] - v[row], tangent(v, row), tangent(v, row + 1)));
+        sum += 0.5 * dx * (force[row] + force[row + 1]) + (dx * (f - f1) - df * (u - u1)) / 12.0
             - ((f - df) * (u1 - dx) - (f1 - df) * (u - dx)) / 60.0;
         sum
     });

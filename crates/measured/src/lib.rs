@@ -58,12 +58,10 @@ pub struct Measured {
 /// Faults of the file have an empty pointer, and those of the wish the pointer `/x`, `/y` or `/prepare`.
 pub fn read(bytes: &[u8], wanted: &Wanted<'_>) -> Result<Measured, Faults> {
     let mut table = Table::read(bytes, wanted.table.unwrap_or(1), wanted.decimal)?;
-    let (of_x, of_y) = match wanted.prepare {
-        Prepare::Points => (None, None),
-        Prepare::Trace | Prepare::Half => (Some(Dimension::Length), Some(Dimension::Length)),
-        Prepare::Loop => (Some(Dimension::Length), Some(Dimension::Force)),
-    };
-    if of_y == Some(Dimension::Force) {
+    let of_x = (wanted.prepare != Prepare::Points).then_some(Dimension::Length);
+    let is_loop = wanted.prepare == Prepare::Loop;
+    let of_y = if is_loop { Some(Dimension::Force) } else { of_x };
+    if is_loop {
         table.weigh();
     }
     let mut faults = Faults::default();

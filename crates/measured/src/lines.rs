@@ -80,9 +80,9 @@ pub fn weight(cell: &str) -> i64 {
     number(cell).map_or_else(other, |number| i64::from(!number.is_nan()))
 }
 
-/// Whether a text begins with a letter.
+/// Whether a cell is no number, and begins with a letter.
 fn is_word(cell: &str) -> bool {
-    cell.starts_with(char::is_alphabetic)
+    cell.starts_with(char::is_alphabetic) && weight(cell) < 0
 }
 
 /// The columns of a table.
@@ -177,11 +177,9 @@ impl<'a> Lines<'a> {
     /// Whether a line has words and no number, or only units.
     fn is_text(&self, at: usize) -> bool {
         let cells = self.cells(at);
-        let weights: Vec<i64> = cells.iter().map(|cell| weight(cell)).collect();
-        let has_word =
-            cells.iter().zip(&weights).any(|(cell, weight)| *weight < 0 && is_word(cell));
-        let is_name = has_word && weights.iter().all(|it| *it < 1);
-        weights.contains(&-1) && (is_name || Self::is_units(&cells))
+        let has_number = cells.iter().any(|cell| weight(cell) > 0);
+        let is_name = !has_number && cells.iter().any(|cell| is_word(cell));
+        is_name || cells.iter().any(|cell| weight(cell) < 0) && Self::is_units(&cells)
     }
 
     /// The tables: rows between lines of words. Rows of words and a number before and behind them are none of their rows.
@@ -195,9 +193,8 @@ impl<'a> Lines<'a> {
             let layout = Layout::of(if run[0] { &[] } else { sample }, self.separator);
             let Some(first) = layout.numbers.iter().position(|is| *is) else { continue };
             // Words in the first column of numbers belong to a setting or a footer.
-            let has_word = |cells: &[Cow<'_, str>]| {
-                cells.get(first).is_some_and(|cell| weight(cell) < 0 && is_word(cell))
-            };
+            let has_word =
+                |cells: &[Cow<'_, str>]| cells.get(first).is_some_and(|cell| is_word(cell));
             // A first line with fewer cells than the names above it has a fault. Without names, it is a setting.
             let is_named = rows.start > end && layout.fits(&self.cells(rows.start - 1));
             let is_first = |at: &usize| {
@@ -205,13 +202,10 @@ impl<'a> Lines<'a> {
                 let is_full = layout.fits(&cells) || cells.len() >= layout.cells;
                 !has_word(&cells) && (is_full || is_named && *at == rows.start)
             };
-            let begin = rows.clone().find(is_first).unwrap_or(rows.end);
-            let last = (begin..rows.end).rfind(|at| !has_word(&self.cells(*at)));
-            let rows = begin..last.map_or(begin, |last| last + 1);
-            if !rows.is_empty() {
-                end = rows.end;
-                blocks.push(Block { head: 0..rows.start, rows, layout });
-            }
+            let Some(begin) = rows.clone().find(is_first) else { continue };
+            let last = (begin..rows.end).rfind(|at| !has_word(&self.cells(*at))).unwrap_or(begin);
+            end = last + 1;
+            blocks.push(Block { head: 0..begin, rows: begin..end, layout });
         }
         let most = blocks.iter().map(|block: &Block| block.rows.len()).max().unwrap_or(0);
         // Tables are better than settings, and best if the first column has numbers.
@@ -248,7 +242,7 @@ impl<'a> Lines<'a> {
             ));
         }
         let is_transposed = !has_names
-            && first.iter().all(|cell| weight(cell) < 0 && is_word(cell))
+            && first.iter().all(|cell| is_word(cell))
             && (count < block.layout.count() || first.iter().any(|cell| header(cell).1.is_some()));
         let wide = is_wide.then(|| format!("The table has {width} columns. {WIDE}"));
         wide.or_else(|| is_transposed.then(|| TRANSPOSED.to_owned()))

@@ -1,8 +1,7 @@
 //! A record of a friction loop: its reversals, and the places where it is cut into cycles.
 
 use super::curve::{
-    aperture, changes, drift, ends, median, merged, noise, period, slope, smooth, spread, turns,
-    work,
+    aperture, changes, drift, ends, merged, noise, period, slope, smooth, spread, turns, work,
 };
 
 /// A reversal counts if the displacement returns by this many standard deviations of its noise, but by no more than a share
@@ -127,15 +126,9 @@ impl Record {
         let [first, .., last] = turns[..] else { return Vec::new() };
         let at = |row: usize, stroke: usize| (x[row] / self.amplitude(stroke), stroke % 2);
         let places = [(0.0, 0), (0.0, 1), at(first, 0), at(last, turns.len() - 2)];
-        let mut best = (f64::NEG_INFINITY, Vec::new());
-        for (place, at) in places.into_iter().enumerate() {
-            let (mut score, cycles) = self.cuts(at);
-            score -= if place < 2 { 0.0 } else { ASIDE };
-            if !cycles.is_empty() && score > best.0 {
-                best = (score, cycles);
-            }
-        }
-        best.1
+        let tried = places.map(|at| self.cuts(at)).into_iter().rev();
+        let tried = tried.filter(|(score, cycles)| score.is_finite() && !cycles.is_empty());
+        tried.max_by(|one, other| one.0.total_cmp(&other.0)).unwrap_or_default().1
     }
 
     /// The cuts of the cycles that begin in every other stroke from the first one or the next one, at a share of the
@@ -147,14 +140,12 @@ impl Record {
             Some((stroke, begin, end))
         });
         let cycles: Vec<_> = cycles.collect();
-        // The middle of a stroke is that of the others, unless the amplitude changes there.
-        let middle = |it: &Cycle| self.stroke(it.0 + 1).iter().sum::<f64>();
-        let usual = median(cycles.iter().map(middle));
         let whole = cycles.iter().filter(|it| self.closes(&it.1, &it.2));
-        let change = |it: &Cycle| (middle(it) - usual).abs() / self.ranges[0];
+        // The middle of a stroke is 0, unless the amplitude changes there.
+        let change = |it: &Cycle| self.stroke(it.0 + 1).iter().sum::<f64>().abs() / self.ranges[0];
         let open = |it: &Cycle| (it.2.x - it.1.x).abs() / self.ranges[0];
         let score = whole.map(|it| 1.0 - open(it) - CHANGE.1 * (change(it) - CHANGE.0).max(0.0));
-        (score.sum(), cycles)
+        (score.sum::<f64>() - if share == 0.0 { 0.0 } else { ASIDE }, cycles)
     }
 
     /// The numbers of a cycle: those of a table of loops.

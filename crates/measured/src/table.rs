@@ -46,12 +46,12 @@ pub struct Column {
 impl Column {
     /// Converts the values from the unit `text` to SI.
     fn convert(&mut self, text: &str, notes: &mut Notes) -> Result<(), String> {
-        let is_same = self.stated.as_ref().map(|own| unit(own) == unit(text));
-        if text.contains('[') || is_same == Some(false) {
-            let own = self.stated.as_ref().map_or(String::new(), |own| format!("[{own}] "));
+        let own = self.stated.as_deref();
+        if text.contains('[') || own.is_some_and(|own| unit(own) != unit(text)) {
+            let own = own.map_or(String::new(), |own| format!("[{own}] "));
             return Err(format!("has two units: {own}[{text}]. Write only one of them"));
         }
-        if is_same.is_some() {
+        if own.is_some() {
             return Ok(());
         }
         let known = unit(text);
@@ -76,29 +76,25 @@ type Row<'a> = Vec<Cow<'a, str>>;
 impl<'a> Lines<'a> {
     /// The rows of names, of names above them, and of units above a table.
     fn head(&self, block: &Block) -> [Row<'a>; 3] {
-        let width = block.layout.cells;
-        let fitting = |row: &Row<'a>| {
-            let own = row.iter().rposition(|cell| !cell.is_empty()).map_or(0, |last| last + 1);
-            row.len() >= block.layout.numbers.len() && own <= width + 1
+        let is_fitting = |row: &Row<'a>| {
+            let last = row.iter().rposition(|cell| !cell.is_empty());
+            let is_more = last.is_some_and(|last| last > block.layout.cells);
+            row.len() >= block.layout.numbers.len() && !is_more
         };
-        let above = |count: usize| {
-            let at = block.head.end.checked_sub(count).filter(|at| *at >= block.head.start)?;
-            Some(self.cells(at)).filter(fitting)
-        };
-        let has_unit = |row: &Row<'_>| row.iter().any(|cell| header(cell).1.is_some());
-        let is_double = |row: &Row<'_>| {
-            let mut names = row.iter().filter(|cell| !cell.is_empty());
-            names.any(|name| row.iter().filter(|own| *own == name).count() > 1)
-        };
-        let mut rows: Vec<_> = [1, 2].into_iter().map_while(above).collect();
+        let above = block.head.clone().rev().take(2).map(|at| self.cells(at));
+        let mut rows: Vec<_> = above.take_while(is_fitting).collect();
+        if rows.is_empty() {
+            return [Row::new(), Row::new(), self.bare_units(block)];
+        }
         let at = rows.iter().position(|row| rows.len() > 1 && Self::is_units(row));
-        let units = at.map(|at| rows.remove(at));
-        let is_upper =
-            |upper: &Row<'_>| is_double(&rows[0]) || has_unit(upper) && !has_unit(&rows[0]);
-        let upper = rows.get(1).filter(|upper| is_upper(upper)).cloned();
-        let bare = || if rows.is_empty() { self.bare_units(block) } else { Row::new() };
-        let units = units.unwrap_or_else(bare);
-        [rows.into_iter().next().unwrap_or_default(), upper.unwrap_or_default(), units]
+        let units = at.map(|at| rows.remove(at)).unwrap_or_default();
+        let names = rows.remove(0);
+        let is_again = |(at, name)| names[..at].contains(name) && !name.is_empty();
+        let are_double = names.iter().enumerate().any(is_again);
+        let has_unit = |row: &Row<'_>| row.iter().any(|cell| header(cell).1.is_some());
+        rows.retain(|upper| are_double || has_unit(upper) && !has_unit(&names));
+        let upper = rows.pop().unwrap_or_default();
+        [names, upper, units]
     }
 
     /// A row above a table that has only a unit for each column, with spaces between them.
@@ -120,14 +116,13 @@ impl<'a> Lines<'a> {
 
     /// The headers of the columns, from the rows above them, and whether these have names.
     fn headers(&self, block: &Block, notes: &mut Notes) -> Result<(Vec<String>, bool), String> {
-        let [names, upper, units] = self.head(block);
-        let count = [&names, &upper, &units].into_iter().filter(|row| !row.is_empty()).count();
-        let count = if names.is_empty() { 0 } else { count };
+        let [names, upper, units] = &self.head(block);
+        let rows = [names, upper, units];
+        let count = rows.iter().filter(|row| !names.is_empty() && !row.is_empty()).count();
         self.tell_skipped(block.head.start..block.head.end - count, "before", notes);
         let width = block.layout.numbers.len();
-        if let Some(last) =
-            block.head.clone().next_back().filter(|_| count == 0 && units.is_empty())
-        {
+        let mut others = block.head.clone().filter(|_| names.is_empty() && units.is_empty());
+        if let Some(last) = others.next_back() {
             let ((line, text), count) = (self.all[last], self.cells(last).len());
             if (2..width).contains(&count) || text.contains([';', '\t']) && count < 2 {
                 return Err(format!(
@@ -143,8 +138,7 @@ impl<'a> Lines<'a> {
         }
         let mut group = "";
         let header = |place: usize| {
-            let [name, upper, unit] =
-                [&names, &upper, &units].map(|row| row.get(place).map_or("", |it| it));
+            let [name, upper, unit] = rows.map(|row| row.get(place).map_or("", |it| it));
             group = if upper.is_empty() { group } else { upper };
             let (group, of_group) = header(group);
             let name = match format!("{group} {name}").trim() {

@@ -33,12 +33,15 @@ const PRODUCTS: [(Dimension, [i32; 2]); 7] = [
 /// A known unit: its dimension, `None` if no quantity of a scenario has it, the unit in SI, and the factor to that.
 pub type Unit = (Option<Dimension>, String, f64);
 
+/// The words of a list, each with the text behind it.
+fn pairs(list: &'static str) -> impl Iterator<Item = (&'static str, &'static str)> {
+    let mut texts = list.split(' ');
+    std::iter::from_fn(move || Some((texts.next()?, texts.next()?)))
+}
+
 /// The text behind a word in a list of pairs.
 fn behind(list: &'static str, word: &str) -> Option<&'static str> {
-    let mut texts = list.split(' ');
-    std::iter::from_fn(|| Some((texts.next()?, texts.next()?)))
-        .find(|it| it.0 == word)
-        .map(|it| it.1)
+    pairs(list).find(|it| it.0 == word).map(|it| it.1)
 }
 
 /// The symbol of a unit that is written as a word, such as `um` for `Microns` or `micrometer`.
@@ -50,11 +53,9 @@ fn symbol(text: &str) -> String {
     }
     let lower = word.to_lowercase().replace(['-', ' '], "");
     let of = |word: &str| behind(WORDS, word.trim_end_matches('s'));
-    let prefixed = || {
-        let mut ends = (4..=5).filter_map(|end| Some((lower.get(..end)?, of(lower.get(end..)?)?)));
-        ends.find_map(|(long, own)| Some(format!("{}{own}", behind(PREFIXES, long)?)))
-    };
-    of(&lower).map(str::to_owned).or_else(prefixed).unwrap_or_else(|| word.to_owned())
+    let prefixed = |(long, own)| Some(format!("{own}{}", of(lower.strip_prefix(long)?)?));
+    let known = of(&lower).map(str::to_owned).or_else(|| pairs(PREFIXES).find_map(prefixed));
+    known.unwrap_or_else(|| word.to_owned())
 }
 
 /// How many cycles a unit such as `kcycles`, `cycles_k`, `10^3 cycles` or `thousands` is.
@@ -87,14 +88,11 @@ pub fn unit(text: &str) -> Option<Unit> {
 
 /// An exponent such as `^-6` or `⁻⁶`.
 pub fn exponent(text: &str) -> Option<i32> {
-    let plain =
-        text.chars().map(|it| match "⁰¹²³⁴⁵⁶⁷⁸⁹⁻".chars().position(|own| own == it)
-        {
-            Some(place) => char::from(b"0123456789-"[place]),
-            None if it == '−' => '-',
-            None => it,
-        });
-    let plain: String = plain.filter(|it| !"^{}".contains(*it)).collect();
+    let plain = text.chars().filter(|it| !"^{}".contains(*it)).map(|it| {
+        let place = "⁰¹²³⁴⁵⁶⁷⁸⁹⁻−".chars().position(|own| own == it);
+        place.map_or(it, |place| char::from(b"0123456789--"[place]))
+    });
+    let plain: String = plain.collect();
     plain.parse().ok().filter(|exponent: &i32| exponent.abs() < 400)
 }
 

@@ -15,36 +15,35 @@ const FACTOR: f64 = 1.4;
 const LAST: f64 = 0.7;
 
 /// The largest depth of the scar, and its standard deviation.
-pub fn deepest(scar: &Scar) -> Size {
-    let (range, surface) = (&scar.range, &scar.found.surface);
-    let depths = scar.found.depths(range);
+pub fn deepest(Scar { trace, range, gaps, .. }: &Scar) -> Size {
+    let (depths, surface) = (&trace.depths[range.clone()], &trace.surface);
     let count = depths.len() as f64;
     let (mut size, mut before, mut least) = ((FIRST * count).max(FEWEST), None, f64::NEG_INFINITY);
-    let (mut found, mut errors, mut near) = (0.0, [surface.scatter, 0.0, 0.0, 0.0], 0..0);
+    let mut found = Size { value: 0.0, errors: [surface.scatter, 0.0, 0.0, 0.0] };
+    let mut near = 0..0;
     while size <= (LAST * count).max(FEWEST).min(count) {
         let half = size as usize / 2;
-        let means = smooth(&depths, 2 * half + 1).into_iter().enumerate();
+        let means = smooth(depths, 2 * half + 1).into_iter().enumerate();
         let Some((at, mean)) = means.max_by(|one, other| one.1.total_cmp(&other.1)) else { break };
         if mean < least {
             break;
         }
-        near = at.saturating_sub(half)..(at + half + 1).min(depths.len());
+        near =
+            range.start + at.saturating_sub(half)..range.start + (at + half + 1).min(depths.len());
         let share = 1.0 / near.len() as f64;
-        near = range.start + near.start..range.start + near.end;
-        let [scatter, unworn] =
-            surface.error(near.clone().map(|at| (scar.found.points[at].0, share)));
+        let [scatter, unworn] = surface.error(near.clone().map(|at| (trace.points[at].0, share)));
         let scatter = scatter.min(surface.scatter);
         // The largest of several means is too large by about this many standard deviations.
         let chosen = (2.0 * libm::log((count / size).max(1.0))).sqrt();
         least = least.max(mean - chosen * scatter);
         // A wider window is shallower by the square of its width, so half of what it lost was lost in the last step.
         let change = before.map_or(0.0, |before| 2.0 * (mean - before));
-        (found, before, errors) = (mean, Some(mean), [scatter, unworn, change, 0.0]);
+        before = Some(mean);
+        found = Size { value: mean, errors: [scatter, unworn, change, 0.0] };
         size *= FACTOR;
     }
-    let beside = |gap: &&Gap| gap.range.start <= near.end && gap.range.end >= near.start;
     // A gap beside the deepest points can only hide deeper ones.
-    let gaps = scar.gaps.iter().filter(beside).map(|gap| 2.0 * gap.error);
-    errors[3] = gaps.fold(0.0, libm::hypot);
-    Size { value: found, errors }
+    let beside = |gap: &&Gap| gap.range.start <= near.end && gap.range.end >= near.start;
+    found.errors[3] = gaps.iter().filter(beside).map(|gap| 2.0 * gap.error).fold(0.0, libm::hypot);
+    found
 }

@@ -49,14 +49,14 @@ pub fn profile(
     let wanted = &Wanted { scar: mirrored.or(wanted.scar), ..*wanted };
     let scar = &scar::scar(points, wanted, notes)?;
     let sizes = &Sizes::new(scar, wanted.centre);
-    let ([first, last], axis) = (scar.found.ends(&(0..scar.found.points.len())), sizes.axis.0);
+    let ([first, last], axis) = (scar.trace.ends(&scar.trace.all()), sizes.axis.0);
     let ends = scar.ends();
     let half = ends.map_or(0.0, |ends| 0.5 * (ends[1] - ends[0]));
     if (axis - first).min(last - axis) <= half {
         return Err("has not the whole scar on both sides of x = 0. Remove centre=false".into());
     }
     let radial = &Radial::of(sizes, half, wanted.level);
-    let unworn = &scar.found.surface;
+    let unworn = &scar.trace.surface;
     let is_ball = unworn.is_round && unworn.bend() <= 0.0;
     let indenter = if is_ball { indenter::of(radial, unworn.scatter, notes) } else { Value::Null };
     let [removed, added] = [&scar.removed, &scar.added].map(|parts| sizes.area(parts));
@@ -92,7 +92,7 @@ fn tell(
     wanted: &Wanted<'_>,
     notes: &mut Notes,
 ) {
-    let surface = &scar.found.surface;
+    let surface = &scar.trace.surface;
     let or_empty = |is_so: bool, words: &'static str| if is_so { words } else { "" };
     let hollow = or_empty(surface.bend() > 0.0, ", and the surface is hollow");
     let line = ". A line was subtracted from the trace before, so the circle has its own tilt";

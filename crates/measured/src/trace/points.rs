@@ -7,7 +7,6 @@
 
 use std::ops::Range;
 
-use super::surface::Points;
 use crate::curve::{self, enough, is_spike, median, spread};
 use crate::notes::Notes;
 
@@ -24,6 +23,9 @@ const CHANCE: f64 = 1e-6;
 /// The range of the instrument ends at a height that occurs this many times as often as any other: heights with few digits
 /// repeat, too.
 const OFTEN: usize = 2;
+
+/// Points of a trace: x and z.
+pub type Points = Vec<(f64, f64)>;
 
 /// The heights alone.
 pub fn heights(points: &[(f64, f64)]) -> Vec<f64> {

@@ -1,6 +1,6 @@
 //! Depths and heights over the distance from the axis: means of the points near each radius, on both sides and together.
 
-use super::parts::Found;
+use super::parts::Trace;
 use super::sizes::Sizes;
 
 /// Number of radii in the scar, and maximum number of radii.
@@ -36,17 +36,17 @@ pub struct Radial {
 impl Radial {
     /// Takes the means of a trace up to the end that is nearer to the axis. `half` is half of the scar.
     pub fn of(Sizes { scar, axis }: &Sizes<'_>, half: f64, is_level: bool) -> Self {
-        let (Found { points, surface, heights, .. }, axis) = (&scar.found, axis.0);
+        let (Trace { points, surface, depths, .. }, axis) = (&scar.trace, axis.0);
         let (first, last) = (points[0].0, points[points.len() - 1].0);
         let (reach, tilt) = ((axis - first).min(last - axis), surface.slope(axis));
         let width =
             (half / RADII).max(reach / MOST_RADII).max(2.0 * (last - first) / points.len() as f64);
         let mut bins = vec![[Bin::default(); 2]; (reach / width) as usize + 1];
-        for ((x, z), height) in points.iter().zip(heights) {
+        for ((x, z), depth) in points.iter().zip(depths) {
             let level = surface.at(axis) + if is_level { tilt * (x - axis) } else { 0.0 };
-            let (r, depth) = ((x - axis).abs(), -height);
+            let r = (x - axis).abs();
             if let Some(sides) = bins.get_mut((r / width).round() as usize) {
-                let own = [1.0, r, depth, level - z];
+                let own = [1.0, r, *depth, level - z];
                 let side = sides[usize::from(*x < axis)].iter_mut();
                 side.zip(own).for_each(|(sum, own)| *sum += own);
             }
@@ -65,10 +65,9 @@ impl Radial {
         let [right, left] =
             [0, 1].map(|side| bins[..inside].iter().map(|it| own(&it[side])).collect());
         // The squared differences of the sides, and the same in units of what the scatter explains.
-        let variance = surface.scatter * surface.scatter * surface.together;
         let squares = bins[..inside].iter().filter_map(|[right, left]| {
             let square = (own(right)? - own(left)?) * (own(right)? - own(left)?);
-            Some([square, square / (variance * (1.0 / right[0] + 1.0 / left[0]))])
+            Some([square, square / (surface.variance() * (1.0 / right[0] + 1.0 / left[0]))])
         });
         let squares: Vec<[f64; 2]> = squares.collect();
         let [difference, excess] = [0, 1]

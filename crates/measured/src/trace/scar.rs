@@ -2,9 +2,9 @@
 
 use std::ops::Range;
 
-use super::parts::{Found, Part, UNWORN, find, inside, named};
-use super::points::{clipped, limits, noise};
-use super::surface::{Points, Surface};
+use super::parts::{Part, Trace, UNWORN, find, largest, named};
+use super::points::{Points, clipped, limits, noise};
+use super::surface::Surface;
 use super::wanted::{Prepare, Up, Wanted};
 use crate::curve::median;
 use crate::notes::Notes;
@@ -14,8 +14,8 @@ const OTHER: f64 = 0.1;
 /// The areas of both sides of a ring are alike within this share, and each side is wider than their gap by this factor.
 const RING: f64 = 0.7;
 const NEAR: f64 = 1.05;
-/// A step is searched at this many places less one, on at most this many points. With it, this share more of the points are
-/// unworn.
+/// A step is searched at this many places less one, on at most this many points. With one beside the scar, this share more of the
+/// points are unworn than with one in the scar.
 const STEPS: f64 = 16.0;
 const THIN: usize = 500;
 const GAIN: f64 = 0.04;
@@ -43,8 +43,8 @@ pub const CHOOSE: &str = "choose it with scar=FROM..TO, such as scar=0.4..1.6mm"
 /// The scar of a trace whose heights point out of the material.
 #[derive(Debug)]
 pub struct Scar {
-    /// The unworn surface, and all parts.
-    pub found: Found,
+    /// The trace, and all its parts.
+    pub trace: Trace,
     /// The unworn surface from the nearer half of its points. A long wave makes it another one.
     pub near: Surface,
     /// The points between the ends of the scar. Empty if there is none.
@@ -76,7 +76,7 @@ fn farther(wanted: &Wanted<'_>) -> &'static str {
 }
 
 /// The unworn surface on both sides of a stretch, and the parts in it.
-fn between(points: Points, is_half: bool, ends: [f64; 2]) -> Result<Found, String> {
+fn between(points: Points, is_half: bool, ends: [f64; 2]) -> Result<Trace, String> {
     let [from, to] = ends;
     let at = |end: f64| points.partition_point(|point| point.0 < end);
     let [before, first, after, last] = [2.0 * from - to, from, to, 2.0 * to - from].map(at);
@@ -87,13 +87,32 @@ fn between(points: Points, is_half: bool, ends: [f64; 2]) -> Result<Found, Strin
             named(ends)
         ));
     }
-    let mut found = find(points, is_half, Some(ends), Some(ends));
-    found.parts = inside(&found.parts, &(first..after));
+    let mut trace = find(points, is_half, Some(ends), Some(ends));
+    trace.parts = trace.inside(&trace.parts, &(first..after));
     // The user sees a scar that hardly stands out of the noise.
-    if 2 * found.parts.iter().map(Part::len).sum::<usize>() < after - first {
-        found.parts = Some(first..after).filter(|it| found.is_sure(it)).into_iter().collect();
+    if 2 * trace.parts.iter().map(|part| part.range.len()).sum::<usize>() < after - first {
+        let whole = Some(trace.part(first..after));
+        trace.parts = whole.filter(|part| trace.is_sure(part)).into_iter().collect();
     }
-    Ok(found)
+    if trace.parts.is_empty() {
+        return Err(format!("has no scar in {}. Write other ends", named(ends)));
+    }
+    Ok(trace)
+}
+
+/// Refuses a surface without a scar that is no circle.
+fn check_round(trace: &Trace, wanted: &Wanted<'_>) -> Result<(), String> {
+    let ([low, high], scatter) = (limits(&trace.points), trace.surface.scatter);
+    if !trace.surface.is_round {
+        return Err(format!(
+            "has no scar: the whole surface is plane within its scatter of {:.4} um. If you know where the scar is, {CHOOSE}",
+            UM * scatter
+        ));
+    }
+    if scatter > (ROUGH.0 * noise(&trace.points)).max(ROUGH.1 * (high - low)) {
+        return Err(format!("has no circle outside of a scar. {}", farther(wanted)));
+    }
+    Ok(())
 }
 
 /// Finds the scar.
@@ -105,33 +124,32 @@ pub fn scar(mut points: Points, wanted: &Wanted<'_>, notes: &mut Notes) -> Resul
         points = points.into_iter().map(|(x, z)| (x, -z)).collect();
     }
     let is_half = wanted.prepare == Prepare::Half;
-    let found = match wanted.scar {
+    let trace = match wanted.scar {
         Some(ends) => between(points, is_half, ends)?,
         None => find(points, is_half, None, None),
     };
-    let largest = found.largest(&found.parts);
     // Only the curvature of a surface may decide without a word of the user: a hump on a hollow surface is a scar of a ball
     // whose heights count into it.
-    let is_hump = largest.is_none_or(|part| found.area([&part]) > 0.0);
-    if wanted.up.is_none() && found.surface.is_round && found.surface.bend() > 0.0 && is_hump {
+    let is_hump = largest(&trace.parts).is_none_or(|part| part.area < 0.0);
+    if wanted.up.is_none() && trace.surface.is_round && trace.surface.bend() > 0.0 && is_hump {
         let note = "The surface is a ball or cylinder if its heights point into the material, so they were turned. If it \
                     is hollow, write up=out.";
         notes.push(note.to_owned());
-        return scar(found.points, &Wanted { up: Some(Up::In), ..*wanted }, notes);
+        return scar(trace.points, &Wanted { up: Some(Up::In), ..*wanted }, notes);
     }
-    if let Some(step) = found.surface.step() {
+    if let Some(step) = trace.surface.step() {
         notes.push(format!(
             "The right side of the scar is {:.4} um higher than the left one. A line between both is the unworn surface. Half \
              of the difference is in the errors: depth and volume are uncertain.",
             UM * step
         ));
     }
-    let is_added = |part: &Part| found.area([part]) > 0.0;
-    let (added, removed): (Vec<_>, Vec<_>) = found.parts.iter().cloned().partition(is_added);
-    let near = found.surface.clone();
-    let mut scar = Scar { found, near, range: 0..0, removed, added, gaps: Vec::new() };
-    if scar.found.parts.is_empty() {
-        return scar.without(wanted);
+    let (added, removed) = trace.parts.iter().cloned().partition(|part| part.area < 0.0);
+    let near = trace.surface;
+    let mut scar = Scar { trace, near, range: 0..0, removed, added, gaps: Vec::new() };
+    if scar.trace.parts.is_empty() {
+        check_round(&scar.trace, wanted)?;
+        return Ok(scar);
     }
     scar.check_sign(wanted)?;
     scar.choose(wanted, notes)?;
@@ -139,83 +157,72 @@ pub fn scar(mut points: Points, wanted: &Wanted<'_>, notes: &mut Notes) -> Resul
     Ok(scar)
 }
 
-impl Scar {
-    /// A surface without a scar, if it is a circle.
-    fn without(self, wanted: &Wanted<'_>) -> Result<Self, String> {
-        let surface = &self.found.surface;
-        let [low, high] = limits(&self.found.points);
-        let is_rough =
-            surface.scatter > (ROUGH.0 * noise(&self.found.points)).max(ROUGH.1 * (high - low));
-        Err(match wanted.scar {
-            Some(ends) => format!("has no scar in {}. Write other ends", named(ends)),
-            None if !surface.is_round => format!(
-                "has no scar: the whole surface is plane within its scatter of {:.4} um. If you know where the scar is, {CHOOSE}",
-                UM * surface.scatter
-            ),
-            None if is_rough => format!("has no circle outside of a scar. {}", farther(wanted)),
-            None => return Ok(self),
-        })
-    }
+/// The points from the first part to the last one.
+fn whole(parts: &[Part]) -> Range<usize> {
+    parts[0].range.start..parts[parts.len() - 1].range.end
+}
 
+/// The area of parts.
+fn area(parts: &[Part]) -> f64 {
+    parts.iter().map(|part| part.area).sum()
+}
+
+impl Scar {
     /// The ends of the scar in x.
     pub fn ends(&self) -> Option<[f64; 2]> {
-        (!self.range.is_empty()).then(|| self.found.ends(&self.range))
+        (!self.range.is_empty()).then(|| self.trace.ends(&self.range))
     }
 
     /// The points between the first and the last of several neighbours that are all deeper than a limit.
     fn deeper(&self, range: &Range<usize>, limit: f64) -> Range<usize> {
-        let depths = self.found.depths(range);
-        let run = (self.found.heights.len() / 50).clamp(RUN.0, RUN.1);
+        let run = (self.trace.points.len() / 50).clamp(RUN.0, RUN.1);
+        let mut near = self.trace.depths[range.clone()].windows(run);
         let is_deep = |near: &[f64]| near.iter().all(|depth| *depth > limit);
-        let first = depths.windows(run).position(is_deep);
-        let last = depths.windows(run).rposition(is_deep);
-        let both = first.zip(last).map(|(first, last)| first..last + run);
-        both.map_or(range.clone(), |own| range.start + own.start..range.start + own.end)
+        let Some(first) = near.clone().position(is_deep) else { return range.clone() };
+        let last = near.rposition(is_deep).unwrap_or(first);
+        range.start + first..range.start + last + run
     }
 
     /// The largest depth of a single point.
     fn deepest(&self, range: &Range<usize>) -> f64 {
-        self.found.depths(range).into_iter().fold(0.0, f64::max)
+        self.trace.depths[range.clone()].iter().copied().fold(0.0, f64::max)
     }
 
     /// Where the scar is deeper than a share of its largest depth, which noise at shallow ends moves little.
     pub fn middle(&self) -> [f64; 2] {
-        self.found.ends(&self.deeper(&self.range, CORE * self.deepest(&self.range)))
+        self.trace.ends(&self.deeper(&self.range, CORE * self.deepest(&self.range)))
     }
 
     /// Refuses more added than removed material.
     fn check_sign(&self, wanted: &Wanted<'_>) -> Result<(), String> {
-        let [above, below] =
-            [&self.added, &self.removed].map(|it| UM * UM * self.found.area(it).abs());
-        let Some(most) = self.found.largest(&self.added).filter(|_| above > below) else {
-            return Ok(());
-        };
+        let [above, below] = [-area(&self.added), area(&self.removed)].map(|area| UM * UM * area);
+        let Some(most) = largest(&self.added).filter(|_| above > below) else { return Ok(()) };
+        let (most, farther) = (self.trace.named(&most.range), farther(wanted));
         let other = if wanted.up == Some(Up::In) { "out" } else { "in" };
         Err(format!(
-            "has more added than removed material: {above:.4} um^2 above the unworn surface, most in {}, and {below:.4} um^2 \
-             below it. If the heights count the other way, write up={other}. If only a part is the scar, {CHOOSE}. If it reaches \
-             to an end: {}",
-            self.found.named(&most),
-            farther(wanted)
+            "has more added than removed material: {above:.4} um^2 above the unworn surface, most in {most}, and {below:.4} \
+             um^2 below it. If the heights count the other way, write up={other}. If only a part is the scar, {CHOOSE}. If \
+             it reaches to an end: {farther}"
         ))
     }
 
     /// Whether two neighbouring parts are one scar: their gap is at most half of the shorter one, or they are the sides of a
     /// ring, whose middle sticks and does not wear.
     fn is_one(&self, last: &Part, part: &Part, wanted: &Wanted<'_>, notes: &mut Notes) -> bool {
-        let gap = part.start.saturating_sub(last.end) as f64 / last.len().min(part.len()) as f64;
-        let [from, to] = self.found.ends(&(last.start..part.end));
+        let (one, other) = (&last.range, &part.range);
+        let gap = other.start.saturating_sub(one.end) as f64 / one.len().min(other.len()) as f64;
+        let [from, to] = self.trace.ends(&(one.start..other.end));
         // A half was mirrored.
         let is_mirrored = wanted.prepare == Prepare::Half && (from + to).abs() < 0.05 * to;
         if wanted.scar.is_some() || is_mirrored || gap <= 0.5 {
             return true;
         }
-        let [one, other] = [last, part].map(|it| self.found.area([it]));
-        let is_ring = NEAR * gap <= 1.0 && (one / other).min(other / one) > RING;
+        let are_alike = (last.area / part.area).min(part.area / last.area) > RING;
+        let is_ring = NEAR * gap <= 1.0 && are_alike;
         if is_ring {
+            let [one, other] = [one, other].map(|range| self.trace.named(range));
             notes.push(format!(
-                "Two alike grooves near each other were taken as one ring. If they are two scars, choose one with {} or {}.",
-                self.found.named(last), self.found.named(part)
+                "Two alike grooves near each other were taken as one ring. If they are two scars, choose one with {one} or {other}."
             ));
         }
         is_ring
@@ -225,36 +232,33 @@ impl Scar {
     fn choose(&mut self, wanted: &Wanted<'_>, notes: &mut Notes) -> Result<(), String> {
         let mut scars: Vec<&[Part]> =
             self.removed.chunk_by(|last, part| self.is_one(last, part, wanted, notes)).collect();
-        scars.sort_by(|one, other| self.found.area(*other).total_cmp(&self.found.area(*one)));
-        let whole = |parts: &[Part]| parts[0].start..parts[parts.len() - 1].end;
-        let Some(own) = scars.pop() else { return Ok(()) };
-        for other in scars.iter().rev() {
-            let [one, two] = [own, other].map(whole);
-            let name = self.found.named(&two);
-            if self.found.area(*other) < OTHER * self.found.area(own) {
+        scars.sort_by(|one, other| area(other).total_cmp(&area(one)));
+        let Some((own, others)) = scars.split_first() else { return Ok(()) };
+        let all = whole(own);
+        for other in others {
+            let two = whole(other);
+            let both = all.start.min(two.start)..all.end.max(two.end);
+            let [one, two, both] = [&all, &two, &both].map(|range| self.trace.named(range));
+            if area(other) > OTHER * area(own) {
                 return Err(format!(
-                    "has two scars or more. Choose one with {} or {name}. If they are one ring, write {}. If one reaches \
+                    "has two scars or more. Choose one with {one} or {two}. If they are one ring, write {both}. If one reaches \
                      to an end: {}",
-                    self.found.named(&one),
-                    self.found.named(&(one.start.min(two.start)..one.end.max(two.end))),
                     farther(wanted)
                 ));
             }
-            notes.push(format!("A smaller scar was left out. Write {name} for it."));
+            notes.push(format!("A smaller scar was left out. Write {two} for it."));
         }
-        let all = whole(own);
-        let least = (SCATTER * self.found.surface.scatter).max(SHARE * self.deepest(&all));
+        let least = (SCATTER * self.trace.surface.scatter).max(SHARE * self.deepest(&all));
         (self.range, self.removed) = (self.deeper(&all, least), own.to_vec());
-        self.near = self.found.nearer(&all, wanted.scar);
+        self.near = self.trace.nearer(&all);
         if wanted.scar.is_none() { self.check_sides(wanted) } else { Ok(()) }
     }
 
     /// Finds gaps in the scar and where its depth is clipped, and refuses a gap that hides too much. A line fills a gap. It may
     /// hide any height between those of its ends, and structures that are as deep as the gap is wide.
     fn check_gaps(&mut self, notes: &mut Notes) -> Result<(), String> {
-        let Found { points, heights, .. } = &self.found;
-        let [first, last] = self.found.ends(&self.range);
-        let deepest = self.deepest(&self.range);
+        let Trace { points, depths, .. } = &self.trace;
+        let ([first, last], deepest) = (self.trace.ends(&self.range), self.deepest(&self.range));
         let width = |at: &usize| points[at + 1].0 - points[*at].0;
         let all = self.range.start.saturating_sub(1)..self.range.end.min(points.len() - 1);
         let pace = median(all.clone().map(|at| width(&at)));
@@ -262,16 +266,16 @@ impl Scar {
         for at in all.filter(|at| width(at) > (GAP * pace).max(TOLD * (last - first))) {
             let [from, to] = [points[at].0, points[at + 1].0];
             let share = (to - from) / (to.max(last) - from.min(first));
-            told.push(format!("x = {:.3} um to {:.3} um", UM * from, UM * to));
+            let place = format!("x = {:.3} um to {:.3} um", UM * from, UM * to);
             if share > HIDDEN {
                 return Err(format!(
-                    "has no measured heights from {}, {:.0} % of the scar. Measure the trace again, with settings at which the \
-                     instrument sees that part, or along another line",
-                    told[told.len() - 1],
+                    "has no measured heights from {place}, {:.0} % of the scar. Measure the trace again, with settings at which \
+                     the instrument sees that part, or along another line",
                     100.0 * share
                 ));
             }
-            let error = libm::hypot(heights[at + 1] - heights[at], share * deepest) / 12_f64.sqrt();
+            told.push(place);
+            let error = libm::hypot(depths[at + 1] - depths[at], share * deepest) / 12_f64.sqrt();
             self.gaps.push(Gap { range: at..at + 2, error });
         }
         if !told.is_empty() {
@@ -286,7 +290,7 @@ impl Scar {
                 "{count} points have the {end} height, several of them in a row: they are clipped, because the range of the \
                  instrument ends there. Depth and volume are lower limits."
             ));
-            let [from, to] = self.found.ends(&range);
+            let [from, to] = self.trace.ends(&range);
             self.gaps.push(Gap { range, error: 0.5 * (to - from) / (last - first) * deepest });
         }
         Ok(())
@@ -294,9 +298,9 @@ impl Scar {
 
     /// Refuses a scar whose sides are not one plane or circle, or are not measured.
     fn check_sides(&self, wanted: &Wanted<'_>) -> Result<(), String> {
-        let (step, count) = (self.step(), self.found.points.len());
+        let (step, count) = (self.step(), self.trace.points.len());
         if self.range.start.min(count - self.range.end) < count / UNWORN {
-            let (own, farther) = (self.found.named(&self.range), farther(wanted));
+            let (own, farther) = (self.trace.named(&self.range), farther(wanted));
             let step = step.map_or_else(String::new, |step| format!(". Or it has {step}"));
             return Err(format!(
                 "has a scar that reaches to an end: {own}. If it is narrower, {CHOOSE}. {farther}{step}"
@@ -305,37 +309,28 @@ impl Scar {
         step.map_or(Ok(()), |step| Err(format!("has {step}")))
     }
 
-    /// A step of the unworn surface, and the scar that the surface then has. The step is in the scar, or many more points are
-    /// unworn with it.
+    /// A step of the unworn surface, and the scar that the surface then has. It is where most of the points are unworn.
     fn step(&self) -> Option<String> {
-        let Found { points, is_unworn, surface: Surface { is_half, .. }, .. } = &self.found;
-        let said = |surface: &Surface, [from, to]: [f64; 2], scar: [f64; 2]| {
-            Some(format!(
-                "an unworn surface that rises by {:.4} um near x = {:.4} mm. If the scar is there, its depth is uncertain. \
-                 Choose the scar with scar=FROM..TO, such as {}",
-                UM * surface.step()?,
-                0.5e3 * (from + to),
-                named(scar)
-            ))
-        };
-        let own = self.ends()?;
-        let inside = Surface::through(points, *is_half, is_unworn, Some(own), 0.0);
+        let Trace { points, surface, .. } = &self.trace;
         let thin = points.len().div_ceil(THIN);
         let thinned: Points = points.iter().step_by(thin).copied().collect();
-        let [first, last] = self.found.ends(&(0..points.len()));
+        let [first, last] = self.trace.ends(&self.trace.all());
         let width = (last - first) / STEPS;
-        let beside = || {
-            let tried = (1..STEPS as usize).map(|at| {
-                let x = first + at as f64 * width;
-                let edge = [x - 1e-3 * width, x + 1e-3 * width];
-                (edge, find(thinned.clone(), *is_half, None, Some(edge)))
-            });
-            let (edge, best) = tried.max_by_key(|(_, found)| found.unworn())?;
-            let more = best.unworn() as f64 - self.found.unworn() as f64 / thin as f64;
-            let removed = best.parts.iter().filter(|part| best.area([*part]) < 0.0);
-            let scar = best.largest(removed).filter(|_| more > GAIN * thinned.len() as f64)?;
-            said(&best.surface, edge, best.ends(&scar))
-        };
-        said(&inside, own, own).or_else(beside)
+        let places = (1..STEPS as usize).map(|at| first + at as f64 * width);
+        let beside = places.map(|x| ([x - 1e-3 * width, x + 1e-3 * width], GAIN));
+        let tried = beside.chain(self.ends().map(|own| (own, 0.0))).map(|(edge, gain)| {
+            let trace = find(thinned.clone(), surface.is_half, None, Some(edge));
+            let more = trace.unworn(trace.all()).len() as f64 - gain * thinned.len() as f64;
+            (more, edge, trace)
+        });
+        let (_, [from, to], best) = tried.max_by(|one, other| one.0.total_cmp(&other.0))?;
+        let scar = largest(best.parts.iter().filter(|part| part.area > 0.0))?;
+        Some(format!(
+            "an unworn surface that rises by {:.4} um near x = {:.4} mm. If the scar is there, its depth is uncertain. \
+             Choose the scar with scar=FROM..TO, such as {}",
+            UM * best.surface.step()?,
+            0.5e3 * (from + to),
+            best.named(&scar.range)
+        ))
     }
 }

@@ -13,7 +13,7 @@ use std::f64::consts::PI;
 
 use serde_json::{Value, json};
 
-use super::parts::{Part, inside};
+use super::parts::Part;
 use super::scar::{Gap, Scar};
 
 /// Left and right are alike if the centroid is this near to the middle, as a share of the width. Noise moves the ends by
@@ -36,14 +36,14 @@ impl Size {
         self.errors.into_iter().fold(0.0, libm::hypot)
     }
 
-    /// As JSON.
+    /// As JSON, without the sign of added material.
     pub fn json(&self) -> Value {
-        json!({"value": self.value, "error": self.error()})
+        json!({"value": self.value.abs(), "error": self.error()})
     }
 
     /// As text, in a unit.
     pub fn text(&self, unit: f64) -> String {
-        format!("{:.5} ± {:.2}", unit * self.value, unit * self.error())
+        format!("{:.5} ± {:.2}", unit * self.value.abs(), unit * self.error())
     }
 
     /// What most of the error comes from.
@@ -70,16 +70,16 @@ pub struct Sizes<'a> {
 impl<'a> Sizes<'a> {
     /// The axis of a scar is its centroid, or where x is 0. Without a scar, it is the apex, or the middle of a plane.
     pub fn new(scar: &'a Scar, is_centred: bool) -> Self {
-        let (mut own, surface) = (Self { scar, axis: (0.0, 0.0) }, &scar.found.surface);
+        let (mut own, surface) = (Self { scar, axis: (0.0, 0.0) }, &scar.trace.surface);
         if is_centred && scar.range.is_empty() {
             own.axis.0 = surface.apex();
         } else if is_centred {
-            let core = &inside(&scar.removed, &scar.range);
+            let core = &scar.trace.inside(&scar.removed, &scar.range);
             let area = own.area(core).value;
-            let axis = own.sum(core, &|x| x).value / area;
-            let moment = own.sum(core, &|x| (x - axis) / area).error();
             let [first, last] = scar.middle();
             let (middle, width) = (0.5 * (first + last), last - first);
+            let axis = middle + own.sum(core, &|x| x - middle).value / area;
+            let moment = own.sum(core, &|x| (x - axis) / area).error();
             let distance = (axis - middle).abs();
             // The centroid is more accurate if left and right are alike. If they are not, the contact lies between the ends.
             let alike = (ALIKE + surface.scatter * width / area) * width;
@@ -88,28 +88,22 @@ impl<'a> Sizes<'a> {
         }
         own
     }
-
-    /// The sum of depths of removed parts, or of heights of added ones, each with a weight.
+    /// The sum of the depths or heights of parts, each with a weight.
     fn sum(&self, parts: &[Part], weight: &dyn Fn(f64) -> f64) -> Size {
-        let Scar { found, near, gaps, .. } = self.scar;
-        let all = || parts.iter().cloned().flatten();
-        let weights = || all().map(|at| (found.points[at].0, found.share(at, weight)));
-        let value: f64 = all().zip(weights()).map(|(at, own)| own.1 * found.heights[at]).sum();
-        let [scatter, surface] = found.surface.error(weights());
-        let shift: f64 = weights().map(|(x, own)| own * (near.at(x) - found.surface.at(x))).sum();
+        let Scar { trace, near, gaps, .. } = self.scar;
+        let all = || parts.iter().flat_map(|part| part.range.clone());
+        let weights = || all().map(|at| (trace.points[at].0, trace.share(at, weight)));
+        let value: f64 = all().zip(weights()).map(|(at, own)| own.1 * trace.depths[at]).sum();
+        let [scatter, surface] = trace.surface.error(weights());
+        let shift: f64 = weights().map(|(x, own)| own * (near.at(x) - trace.surface.at(x))).sum();
         let inside = gaps.iter().filter(|gap| all().any(|at| gap.range.contains(&at)));
         let missing = inside.map(|Gap { range, error }| {
-            let [from, to] = found.ends(range);
+            let [from, to] = trace.ends(range);
             let middle = 4.0 * weight(0.5 * (from + to)).abs();
             error * (to - from) * (weight(from).abs() + middle + weight(to).abs()) / 6.0
         });
-        let sign =
-            if parts.first().is_some_and(|part| found.area([part]) < 0.0) { -1.0 } else { 1.0 };
-        // The sum of nothing is −0.
-        Size {
-            value: sign * value + 0.0,
-            errors: [scatter, libm::hypot(surface, shift), 0.0, missing.sum()],
-        }
+        let errors = [scatter, libm::hypot(surface, shift), 0.0, missing.sum()];
+        Size { value, errors }
     }
 
     /// The area of parts.

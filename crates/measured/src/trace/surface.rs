@@ -10,6 +10,8 @@
 
 use std::array::from_fn;
 
+use super::points::resolution;
+
 /// The columns of the fit: 1, u, u², the derivative of h by x₀, and a step of the surface. The heights are one more.
 const COLUMNS: usize = 5;
 const SHEAR: usize = 3;
@@ -30,21 +32,20 @@ const SINGULAR: f64 = 1e-11;
 
 type Matrix = [[f64; COLUMNS + 1]; COLUMNS + 1];
 
-/// Points of a trace: x and z.
-pub type Points = Vec<(f64, f64)>;
-
 /// The unworn surface.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct Surface {
     /// The middle of the trace, and half of its length.
     middle: f64,
     half: f64,
-    /// The ends of a stretch in which the surface rises by a step.
-    edge: Option<[f64; 2]>,
+    /// The standard deviation of rounded heights.
+    rounding: f64,
     /// Whether the trace is a half that was mirrored at x = 0: then u is |u| in its tilt.
     pub is_half: bool,
+    /// The ends of a stretch in which the surface rises by a step.
+    edge: Option<[f64; 2]>,
     coefficients: [f64; COLUMNS],
-    /// The covariance of the coefficients in units of the variance of the points.
+    /// The covariance of the coefficients in units of the variance of means.
     covariance: [[f64; COLUMNS]; COLUMNS],
     /// The apex of the circle, x₀.
     apex: f64,
@@ -53,7 +54,7 @@ pub struct Surface {
     /// The root mean square of the unworn points.
     pub scatter: f64,
     /// The number of neighbouring points whose deviations go together.
-    pub together: f64,
+    together: f64,
 }
 
 /// Sweeps the columns of normal equations whose last column is the right side: the last column becomes the solution, and the
@@ -75,31 +76,28 @@ fn swept(mut matrix: Matrix) -> Matrix {
 }
 
 impl Surface {
-    /// The surface through the points that are used, perhaps with a step in a stretch. The scatter is at least that of rounded
-    /// heights.
-    pub fn through(
-        points: &[(f64, f64)],
-        is_half: bool,
-        is_used: &[bool],
-        edge: Option<[f64; 2]>,
-        rounding: f64,
-    ) -> Self {
+    /// A surface over all points of a trace, perhaps with a step in a stretch, before it is fitted.
+    pub fn over(points: &[(f64, f64)], is_half: bool, edge: Option<[f64; 2]>) -> Self {
         let (first, last) = (points[0].0, points[points.len() - 1].0);
         let (middle, half) = (0.5 * (first + last), 0.5 * (last - first));
-        let used: Points =
-            points.iter().zip(is_used).filter(|(_, is_used)| **is_used).map(|it| *it.0).collect();
-        let mut found = Self { middle, half, edge, is_half, together: 1.0, ..Self::default() };
-        found.fit(&used, rounding);
-        if found.bend().abs() * half * half <= 3.0 * found.scatter {
+        let rounding = resolution(points) / 12_f64.sqrt();
+        Self { middle, half, rounding, is_half, edge, ..Self::default() }
+    }
+
+    /// The surface through some points.
+    pub fn through(&self, used: &[(f64, f64)]) -> Self {
+        let mut found = Self { is_round: false, ..*self };
+        found.fit(used);
+        if found.coefficients[2].abs() <= 3.0 * found.scatter {
             return found;
         }
-        let plane = found.clone();
+        let plane = found;
         (found.is_round, found.apex) = (true, found.vertex());
         for _ in 0..TRIES {
-            let before = (found.apex, found.bend());
-            found.fit(&used, rounding);
-            let moved = (found.apex - before.0).abs() / half;
-            if moved < STILL && (found.bend() / before.1 - 1.0).abs() < STILL {
+            let before = found;
+            found.fit(used);
+            let moved = (found.apex - before.apex).abs() / found.half;
+            if moved < STILL && (found.bend() / before.bend() - 1.0).abs() < STILL {
                 break;
             }
         }
@@ -123,15 +121,18 @@ impl Surface {
 
     /// The apex of the parabola.
     fn vertex(&self) -> f64 {
-        if self.is_half {
-            return self.middle;
-        }
-        self.middle - 0.5 * self.half * self.coefficients[1] / self.coefficients[2]
+        let shift = 0.5 * self.half * self.coefficients[1] / self.coefficients[2];
+        if self.is_half { self.middle } else { self.middle - shift }
+    }
+
+    /// The variance of means, in units of the number of points in each.
+    pub fn variance(&self) -> f64 {
+        self.scatter * self.scatter * self.together
     }
 
     /// The standard deviation of a coefficient.
     fn deviation(&self, of: usize) -> f64 {
-        self.scatter * (self.together * self.covariance[of][of]).sqrt()
+        (self.variance() * self.covariance[of][of]).sqrt()
     }
 
     /// Whether the trace shows that the circle is sheared.
@@ -149,20 +150,18 @@ impl Surface {
     /// The columns at a position, and what the circle has beyond its parabola.
     fn row(&self, x: f64) -> ([f64; COLUMNS], f64) {
         let u = (x - self.middle) / self.half;
-        let step =
-            self.edge.map_or(0.0, |[from, to]| ((x - from) / (to - from)).clamp(0.0, 1.0) - 0.5);
+        let tilt = if self.is_half { u.abs() } else { u };
+        let rise = |[from, to]: [f64; 2]| ((x - from) / (to - from)).clamp(0.0, 1.0) - 0.5;
         let (bend, v) = (if self.is_round { self.bend() } else { 0.0 }, x - self.apex);
         let sine = 2.0 * bend * v;
         let cosine = (1.0 - sine * sine).max(1e-4).sqrt();
         let beyond = bend * v * v * (2.0 / (1.0 + cosine) - 1.0);
-        (
-            [1.0, if self.is_half { u.abs() } else { u }, u * u, sine * (1.0 - 1.0 / cosine), step],
-            beyond,
-        )
+        let shear = sine * (1.0 - 1.0 / cosine);
+        ([1.0, tilt, u * u, shear, self.edge.map_or(0.0, rise)], beyond)
     }
 
-    /// Least squares with the curvature of before, and the next apex.
-    fn fit(&mut self, used: &[(f64, f64)], rounding: f64) {
+    /// Least squares with the curvature of before, the next apex, and the scatter, which is at least that of rounded heights.
+    fn fit(&mut self, used: &[(f64, f64)]) {
         let mut matrix = Matrix::default();
         for (x, z) in used {
             let ([a, b, c, d, e], beyond) = self.row(*x);
@@ -174,7 +173,7 @@ impl Surface {
         if self.is_round {
             // Without knowledge, the apex is that of the parabola.
             let expected = 0.5 * EXPECTED / self.bend();
-            let weight = self.scatter * self.scatter * self.together / (expected * expected);
+            let weight = self.variance() / (expected * expected);
             matrix[SHEAR][SHEAR] += weight;
             matrix[SHEAR][COLUMNS] += weight * (self.vertex() - self.apex);
             matrix[COLUMNS][SHEAR] = matrix[SHEAR][COLUMNS];
@@ -186,7 +185,12 @@ impl Surface {
         let (apex, reach) = (self.apex + self.coefficients[SHEAR], 0.5 / self.bend().abs());
         self.apex = apex.max(self.middle - reach).min(self.middle + reach);
         self.coefficients[SHEAR] = 0.0;
-        self.judge(used, rounding);
+        let deviations: Vec<f64> = used.iter().map(|(x, z)| z - self.at(*x)).collect();
+        let columns = 3 + usize::from(self.is_round) + usize::from(self.edge.is_some());
+        let free = used.len().saturating_sub(columns).max(1) as f64;
+        let sum: f64 = deviations.iter().map(|it| it * it).sum();
+        self.scatter = (sum / free).sqrt().max(self.rounding);
+        self.together = together(&deviations, columns);
     }
 
     /// The height of the surface. Where it rises by a step, a line joins both sides.
@@ -212,30 +216,26 @@ impl Surface {
         }
         let dot = |row: &[f64; COLUMNS]| row.iter().zip(sum).map(|(own, sum)| own * sum).sum();
         let square: f64 = dot(&self.covariance.map(|row| dot(&row)));
-        let scatter = self.scatter * (self.together * squares).sqrt();
-        let surface = self.scatter * (self.together * square.max(0.0)).sqrt();
+        let [scatter, surface] = [squares, square.max(0.0)].map(|of| (self.variance() * of).sqrt());
         [scatter, libm::hypot(surface, 0.5 * all * self.coefficients[STEP])]
     }
+}
 
-    /// Computes the scatter, and counts the neighbours that go together: the variance of means of several points, in units
-    /// of that of independent points (batch means).
-    fn judge(&mut self, used: &[(f64, f64)], rounding: f64) {
-        let deviations: Vec<f64> = used.iter().map(|(x, z)| z - self.at(*x)).collect();
-        let count = deviations.len();
-        let sum: f64 = deviations.iter().map(|it| it * it).sum();
-        let columns = 3 + usize::from(self.is_round) + usize::from(self.edge.is_some());
-        self.scatter = (sum / count.saturating_sub(columns).max(1) as f64).sqrt().max(rounding);
-        let sizes = (1..).map(|power| 2_usize.pow(power)).take_while(|size| size * 5 <= count);
-        let ratio = |size: usize| {
-            let means = deviations.chunks_exact(size).map(|it| it.iter().sum::<f64>());
-            // The fit follows as many of the means as it has columns.
-            let free = (count / size - columns) as f64;
-            let square: f64 = means.map(|it| it * it).sum();
-            let ratio = square * count as f64 / (size as f64 * free * sum);
-            // Few means show a wave that is hardly shorter than the trace, so its effect is enlarged.
-            let is_sure = ratio > 1.0 + SURE * (2.0 / free).sqrt();
-            ratio * if is_sure { 1.0 + WAVES * size as f64 / count as f64 } else { 1.0 }
-        };
-        self.together = sizes.map(ratio).filter(|it| it.is_finite()).fold(1.0, f64::max);
-    }
+/// Counts the neighbours that go together: the variance of means of several points, in units of that of independent points
+/// (batch means).
+fn together(deviations: &[f64], columns: usize) -> f64 {
+    let count = deviations.len();
+    let sum: f64 = deviations.iter().map(|it| it * it).sum();
+    let sizes = (1..).map(|power| 2_usize.pow(power)).take_while(|size| size * 5 <= count);
+    let ratio = |size: usize| {
+        let means = deviations.chunks_exact(size).map(|it| it.iter().sum::<f64>());
+        // The fit follows as many of the means as it has columns.
+        let free = (count / size - columns) as f64;
+        let square: f64 = means.map(|it| it * it).sum();
+        let ratio = square * count as f64 / (size as f64 * free * sum);
+        // Few means show a wave that is hardly shorter than the trace, so its effect is enlarged.
+        let is_sure = ratio > 1.0 + SURE * (2.0 / free).sqrt();
+        ratio * if is_sure { 1.0 + WAVES * size as f64 / count as f64 } else { 1.0 }
+    };
+    sizes.map(ratio).filter(|it| it.is_finite()).fold(1.0, f64::max)
 }
