@@ -195,7 +195,7 @@ impl Scar {
 
     /// Refuses more added than removed material.
     fn check_sign(&self, wanted: &Wanted<'_>) -> Result<(), String> {
-        let [above, below] = [-area(&self.added), area(&self.removed)].map(|area| UM * UM * area);
+        let [above, below] = [&self.added, &self.removed].map(|it| UM * UM * area(it).abs());
         let Some(most) = largest(&self.added).filter(|_| above > below) else { return Ok(()) };
         let (most, farther) = (self.trace.named(&most.range), farther(wanted));
         let other = if wanted.up == Some(Up::In) { "out" } else { "in" };
