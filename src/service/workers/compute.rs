@@ -249,10 +249,7 @@ impl Worker {
                     | Error::Unfit(..)
                     | Error::Exhausted,
                 ) => {}
-                // SQLite reports a read that fails as damage.
-                Err(Error::Database(_) | Error::Damaged(_)) if refused < MAX_REFUSALS => {
-                    refused += 1;
-                }
+                Err(Error::Database(_)) if refused < MAX_REFUSALS => refused += 1,
                 Err(error) => return Err(unreadable(error.to_string())),
             }
             self.pause(claimed)?;
