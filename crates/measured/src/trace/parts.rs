@@ -48,7 +48,7 @@ pub fn largest<'a>(parts: impl IntoIterator<Item = &'a Part>) -> Option<&'a Part
 
 /// A trace with its unworn surface, and the parts that deviate from it.
 #[derive(Debug)]
-pub struct Trace {
+pub struct PreparedTrace {
     /// Its points.
     pub points: Points,
     /// The unworn surface.
@@ -61,7 +61,7 @@ pub struct Trace {
     pub parts: Vec<Part>,
 }
 
-impl Trace {
+impl PreparedTrace {
     /// The unworn ones of some points.
     pub fn unworn(&self, range: Range<usize>) -> Points {
         range.filter(|at| self.is_unworn[*at]).map(|at| self.points[at]).collect()
@@ -143,7 +143,7 @@ pub fn find(
     is_half: bool,
     window: Option<[f64; 2]>,
     edge: Option<[f64; 2]>,
-) -> Trace {
+) -> PreparedTrace {
     let count = points.len();
     let half = (count / WINDOW).clamp(BOUNDS.0, BOUNDS.1) / 2;
     let noise = noise(&points) / (2.0 * half as f64 + 1.0).sqrt();
@@ -157,7 +157,8 @@ pub fn find(
     };
     let is_unworn: Vec<bool> = (0..count).map(is_first).collect();
     let surface = Surface::over(&points, is_half, edge);
-    let mut found = Trace { points, surface, depths: Vec::new(), is_unworn, parts: Vec::new() };
+    let mut found =
+        PreparedTrace { points, surface, depths: Vec::new(), is_unworn, parts: Vec::new() };
     let mut is_grown = false;
     for attempt in 1..=TRIES {
         found.surface = found.surface.through(&found.unworn(0..count));

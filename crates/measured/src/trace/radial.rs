@@ -1,6 +1,6 @@
 //! Depths and heights over the distance from the axis: means of the points near each radius, on both sides and together.
 
-use super::parts::Trace;
+use super::parts::PreparedTrace;
 use super::sizes::Sizes;
 
 /// Number of radii in the scar, and maximum number of radii.
@@ -36,7 +36,7 @@ pub struct Radial {
 impl Radial {
     /// Takes the means of a trace up to the end that is nearer to the axis. `half` is half of the scar.
     pub fn of(Sizes { scar, axis }: &Sizes<'_>, half: f64, is_level: bool) -> Self {
-        let (Trace { points, surface, depths, .. }, axis) = (&scar.trace, axis.0);
+        let (PreparedTrace { points, surface, depths, .. }, axis) = (&scar.trace, axis.0);
         let (first, last) = (points[0].0, points[points.len() - 1].0);
         let (reach, tilt) = ((axis - first).min(last - axis), surface.slope(axis));
         let width =

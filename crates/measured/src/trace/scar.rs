@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::parts::{Part, Trace, UNWORN, find, largest, named};
+use super::parts::{Part, PreparedTrace, UNWORN, find, largest, named};
 use super::points::{Points, clipped, limits, noise};
 use super::surface::Surface;
 use super::wanted::{Prepare, Up, Wanted};
@@ -44,7 +44,7 @@ pub const CHOOSE: &str = "choose it with scar=FROM..TO, such as scar=0.4..1.6mm"
 #[derive(Debug)]
 pub struct Scar {
     /// The trace, and all its parts.
-    pub trace: Trace,
+    pub trace: PreparedTrace,
     /// The unworn surface from the nearer half of its points. A long wave makes it another one.
     pub near: Surface,
     /// The points between the ends of the scar. Empty if there is none.
@@ -72,11 +72,11 @@ fn farther(wanted: &Wanted<'_>) -> &'static str {
         return "Measure farther: the last tenth must be unworn";
     }
     "Measure farther: at each end, a tenth of the trace must be unworn. If the trace begins at the axis, give the axis x = 0 \
-     and write prepare=half (on the page: “Trace from the axis”; `fretwork fit` reads whole traces only)"
+     and write prepare=half (on the page: “PreparedTrace from the axis”; `fretwork fit` reads whole traces only)"
 }
 
 /// The unworn surface on both sides of a stretch, and the parts in it.
-fn between(points: Points, is_half: bool, ends: [f64; 2]) -> Result<Trace, String> {
+fn between(points: Points, is_half: bool, ends: [f64; 2]) -> Result<PreparedTrace, String> {
     let [from, to] = ends;
     let at = |end: f64| points.partition_point(|point| point.0 < end);
     let [before, first, after, last] = [2.0 * from - to, from, to, 2.0 * to - from].map(at);
@@ -101,7 +101,7 @@ fn between(points: Points, is_half: bool, ends: [f64; 2]) -> Result<Trace, Strin
 }
 
 /// Refuses a surface without a scar that is no circle.
-fn check_round(trace: &Trace, wanted: &Wanted<'_>) -> Result<(), String> {
+fn check_round(trace: &PreparedTrace, wanted: &Wanted<'_>) -> Result<(), String> {
     let ([low, high], scatter) = (limits(&trace.points), trace.surface.scatter);
     if !trace.surface.is_round {
         return Err(format!(
@@ -257,7 +257,7 @@ impl Scar {
     /// Finds gaps in the scar and where its depth is clipped, and refuses a gap that hides too much. A line fills a gap. It may
     /// hide any height between those of its ends, and structures that are as deep as the gap is wide.
     fn check_gaps(&mut self, notes: &mut Notes) -> Result<(), String> {
-        let Trace { points, depths, .. } = &self.trace;
+        let PreparedTrace { points, depths, .. } = &self.trace;
         let ([first, last], deepest) = (self.trace.ends(&self.range), self.deepest(&self.range));
         let width = |at: &usize| points[at + 1].0 - points[*at].0;
         let all = self.range.start.saturating_sub(1)..self.range.end.min(points.len() - 1);
@@ -311,7 +311,7 @@ impl Scar {
 
     /// A step of the unworn surface, and the scar that the surface then has. It is where most of the points are unworn.
     fn step(&self) -> Option<String> {
-        let Trace { points, surface, .. } = &self.trace;
+        let PreparedTrace { points, surface, .. } = &self.trace;
         let thin = points.len().div_ceil(THIN);
         let thinned: Points = points.iter().step_by(thin).copied().collect();
         let [first, last] = self.trace.ends(&self.trace.all());

@@ -13,7 +13,7 @@ use fretwork_store::Owners;
 const OWNERS: [&str; 6] = ["ada", "bob", "eve", "kim", "lea", "max"];
 
 /// A piece on a thread.
-struct Piece {
+struct SimulatedPiece {
     owner: &'static str,
     bytes: usize,
     slices: u64,
@@ -21,7 +21,7 @@ struct Piece {
     assembles: Option<bool>,
 }
 
-impl Piece {
+impl SimulatedPiece {
     fn parkable(&self) -> Parkable<'static> {
         let waits = self.assembles == Some(false);
         Parkable { owner: self.owner, bytes: if waits { 0 } else { self.bytes }, waits }
@@ -33,9 +33,9 @@ struct Pool {
     parking: Parking,
     now: Instant,
     /// The claimable pieces, and since when they wait.
-    queue: Vec<(Piece, Instant)>,
-    places: Vec<Option<Piece>>,
-    asleep: BTreeMap<u64, Piece>,
+    queue: Vec<(SimulatedPiece, Instant)>,
+    places: Vec<Option<SimulatedPiece>>,
+    asleep: BTreeMap<u64, SimulatedPiece>,
     used: BTreeMap<&'static str, u64>,
     submitted: usize,
     done: usize,
@@ -80,7 +80,7 @@ impl Pool {
         let bytes = self.random.log_between(1024.0, largest) as usize;
         let slices = self.random.log_between(1.0, 100.0) as u64;
         let assembles = (self.below(8) == 0).then_some(false);
-        self.queue.push((Piece { owner, bytes, slices, assembles }, self.now));
+        self.queue.push((SimulatedPiece { owner, bytes, slices, assembles }, self.now));
         self.submitted += 1;
         if let Some(place) = self.places.iter().position(Option::is_none) {
             self.parking.set_idle(false);
@@ -92,7 +92,7 @@ impl Pool {
         self.used[owner] < owners.below && !owners.except.iter().any(|other| other == owner)
     }
 
-    fn claim(&mut self, owners: &Owners) -> Option<Piece> {
+    fn claim(&mut self, owners: &Owners) -> Option<SimulatedPiece> {
         let queue = self.queue.iter().enumerate();
         let may = queue.filter(|(_, (piece, _))| self.may(owners, piece.owner));
         let next = may.min_by_key(|(place, (piece, _))| (self.used[piece.owner], *place))?.0;
@@ -100,7 +100,7 @@ impl Pool {
     }
 
     /// The piece that has a place again, if there is one.
-    fn resumed(&mut self) -> Option<Piece> {
+    fn resumed(&mut self) -> Option<SimulatedPiece> {
         let parked: Vec<_> =
             self.parking.state.lock().parked.iter().map(|piece| piece.number).collect();
         let number = *self.asleep.keys().find(|number| !parked.contains(number))?;
@@ -110,7 +110,7 @@ impl Pool {
     }
 
     /// Parks the piece at a place, as `Parking::wait`, and gives the place to another one.
-    fn park(&mut self, place: usize, next: Piece) {
+    fn park(&mut self, place: usize, next: SimulatedPiece) {
         let piece = self.places[place].replace(next).unwrap();
         let Parkable { owner, bytes, waits } = piece.parkable();
         let mut state = self.parking.state.lock();

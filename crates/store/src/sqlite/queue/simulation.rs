@@ -35,7 +35,7 @@ const OWNERS: [&str; 8] = ["ada", "bob", "eve", "kim", "lea", "max", "ned", "zoe
 const JOBS: usize = 40;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum State {
+enum PartState {
     Waiting,
     Running,
     Done,
@@ -43,8 +43,8 @@ enum State {
 
 /// A whole run, or a piece of a study.
 #[derive(Debug)]
-struct Part {
-    state: State,
+struct PartRow {
+    state: PartState,
     is_claimed: bool,
     lost: u32,
     /// How long it takes.
@@ -55,28 +55,28 @@ struct Part {
 
 /// A row of the table of runs, with its pieces and its unfinished jobs.
 #[derive(Debug)]
-struct Run {
+struct RunRow {
     owner: &'static str,
     stages: Option<Vec<u32>>,
-    parts: Vec<Part>,
+    parts: Vec<PartRow>,
     jobs: BTreeMap<JobId, (&'static str, u8)>,
     is_canceling: bool,
 }
 
-impl Run {
+impl RunRow {
     fn number(&self, place: usize) -> Option<u32> {
         self.stages.as_ref().map(|_| place as u32)
     }
 
-    fn count(&self, state: State) -> u32 {
+    fn count(&self, state: PartState) -> u32 {
         let parts = self.parts.iter().filter(|part| part.is_claimed && part.state == state);
         parts.count() as u32
     }
 
     /// The place of the part that a worker must claim next, and how often it was lost.
     fn next(&self) -> Option<(usize, u32)> {
-        let waits = |part: &Part| part.state == State::Waiting && !self.is_canceling;
-        let first = |may: &dyn Fn(&Part) -> bool| {
+        let waits = |part: &PartRow| part.state == PartState::Waiting && !self.is_canceling;
+        let first = |may: &dyn Fn(&PartRow) -> bool| {
             self.parts.iter().position(|part| waits(part) && may(part))
         };
         // Of the parts that were lost, the one that was lost most often comes first.
@@ -88,7 +88,7 @@ impl Run {
             let begins = |stages: &Vec<u32>| stages.contains(&(*place as u32));
             let is_last = *place + 1 == self.parts.len();
             let must_wait = is_last || self.stages.as_ref().is_some_and(begins);
-            !must_wait || self.parts[..*place].iter().all(|part| part.state == State::Done)
+            !must_wait || self.parts[..*place].iter().all(|part| part.state == PartState::Done)
         };
         let new = first(&|part| !part.is_claimed).filter(is_open);
         let released = first(&|part| part.is_claimed);
@@ -121,7 +121,7 @@ impl Working {
         self.slice_ends.min(self.since + self.left.min(self.kills.unwrap_or(u64::MAX)))
     }
 
-    /// Counts what was computed until now.
+    /// Totals what was computed until now.
     fn pause(&mut self, now: u64) {
         let done = now - self.since;
         self.left -= done;
@@ -131,7 +131,7 @@ impl Working {
 }
 
 #[derive(Debug, Default)]
-struct Counts {
+struct Totals {
     hours: f64,
     /// Hours of computation.
     computed: f64,
@@ -156,7 +156,7 @@ struct World {
     up: u64,
     queue: Queue,
     usage: Usage,
-    runs: BTreeMap<i64, Run>,
+    runs: BTreeMap<i64, RunRow>,
     last_run: i64,
     ended: BTreeSet<JobId>,
     places: Vec<Option<Working>>,
@@ -166,7 +166,7 @@ struct World {
     waits: BTreeMap<&'static str, (u64, u64)>,
     /// The owners of this history, and the longest work of a part of each.
     owners: Vec<(&'static str, f64)>,
-    counts: Counts,
+    counts: Totals,
 }
 
 impl World {
@@ -192,7 +192,7 @@ impl World {
             futile: None,
             waits: BTreeMap::new(),
             owners,
-            counts: Counts::default(),
+            counts: Totals::default(),
         }
     }
 
@@ -219,7 +219,7 @@ impl World {
     /// How often each running part was lost.
     fn running(&self) -> impl Iterator<Item = u32> {
         let parts = self.runs.values().flat_map(|run| &run.parts);
-        parts.filter(|part| part.state == State::Running).map(|part| part.lost)
+        parts.filter(|part| part.state == PartState::Running).map(|part| part.lost)
     }
 
     // What clients do.
@@ -250,26 +250,32 @@ impl World {
         });
         let row = self.runs.get_mut(&run).unwrap();
         row.jobs.insert(id, (owner, priority));
-        if row.stages.is_some() || row.parts[0].state == State::Waiting {
+        if row.stages.is_some() || row.parts[0].state == PartState::Waiting {
             self.queue.add(RunId(run), owner, priority, id);
         }
         self.fill();
     }
 
-    fn run(&mut self, owner: &'static str, longest: f64, deadly: f64) -> Run {
+    fn run(&mut self, owner: &'static str, longest: f64, deadly: f64) -> RunRow {
         let chunks = self.chance(0.3).then(|| 1 + self.below(12) as u32);
         let is_deadly = self.chance(deadly);
         let mut parts = Vec::new();
         for _ in 0..=chunks.unwrap_or(0) {
             let work = self.random.log_between(5.0, longest) as u64;
             let kills = is_deadly.then(|| self.below(work as usize) as u64 + 1);
-            parts.push(Part { state: State::Waiting, is_claimed: false, lost: 0, work, kills });
+            parts.push(PartRow {
+                state: PartState::Waiting,
+                is_claimed: false,
+                lost: 0,
+                work,
+                kills,
+            });
         }
         let stages = chunks.map(|chunks| {
             let stage = self.below(2 * chunks as usize) as u32;
             if (1..chunks).contains(&stage) { vec![stage] } else { Vec::new() }
         });
-        Run { owner, stages, parts, jobs: BTreeMap::new(), is_canceling: false }
+        RunRow { owner, stages, parts, jobs: BTreeMap::new(), is_canceling: false }
     }
 
     fn cancel(&mut self) {
@@ -284,7 +290,7 @@ impl World {
             let (_, priority) = row.jobs.remove(&id).unwrap();
             self.queue.leave(RunId(run), priority, id);
             self.end_job(id);
-        } else if row.stages.is_some() || row.parts[0].state == State::Waiting {
+        } else if row.stages.is_some() || row.parts[0].state == PartState::Waiting {
             self.end_run(run);
         } else {
             row.is_canceling = true;
@@ -327,7 +333,7 @@ impl World {
         let is_last = number.is_none_or(|number| number as usize + 1 == row.parts.len());
         let part = &mut row.parts[number.unwrap_or(0) as usize];
         if is_released && !row.is_canceling {
-            part.state = State::Waiting;
+            part.state = PartState::Waiting;
             self.queue.release((RunId(run), number));
             if number.is_none() {
                 for (id, (owner, priority)) in &row.jobs {
@@ -338,7 +344,7 @@ impl World {
             // The computation of a piece may fail, too.
             self.end_run(run);
         } else {
-            part.state = State::Done;
+            part.state = PartState::Done;
             self.queue.done(RunId(run), number.unwrap());
         }
     }
@@ -349,8 +355,8 @@ impl World {
         let running = self.running().count();
         let mut failed = Vec::new();
         for (run, row) in &mut self.runs {
-            for part in row.parts.iter_mut().filter(|part| part.state == State::Running) {
-                part.state = State::Waiting;
+            for part in row.parts.iter_mut().filter(|part| part.state == PartState::Running) {
+                part.state = PartState::Waiting;
                 part.lost += 1;
                 self.counts.lost += u64::from(!row.is_canceling);
                 if row.is_canceling || part.lost >= MAX_LOST {
@@ -379,21 +385,22 @@ impl World {
             let id = RunId(*id);
             if let Some(stages) = &run.stages {
                 let [running, queued, done] =
-                    [State::Running, State::Waiting, State::Done].map(|state| run.count(state));
+                    [PartState::Running, PartState::Waiting, PartState::Done]
+                        .map(|state| run.count(state));
                 let (chunks, next) = (run.parts.len() as u32 - 1, running + queued + done);
                 let study = Study { chunks, next, queued, running, stages: stored(stages) };
                 queue.studies.insert(id, study);
             }
             for (place, part) in run.parts.iter().enumerate() {
                 let part_id = (id, run.number(place));
-                if part.state == State::Running {
+                if part.state == PartState::Running {
                     queue.begin(part_id, run.owner.to_owned());
                 }
-                if part.lost > 0 && part.state != State::Done {
+                if part.lost > 0 && part.state != PartState::Done {
                     queue.lost.insert(part_id, part.lost);
                 }
             }
-            if run.stages.is_some() || run.parts[0].state == State::Waiting {
+            if run.stages.is_some() || run.parts[0].state == PartState::Waiting {
                 for (job, (owner, priority)) in &run.jobs {
                     queue.add(id, owner, *priority, *job);
                 }
@@ -416,7 +423,7 @@ impl World {
         let number = row.number(place);
         assert_eq!(self.queue.lost(run), lost);
         let part = &mut row.parts[place];
-        (part.state, part.is_claimed) = (State::Running, true);
+        (part.state, part.is_claimed) = (PartState::Running, true);
         let (left, kills) = (part.work, part.kills);
         let owner = OWNERS.into_iter().find(|other| *other == owner).unwrap();
         self.queue.take((run, number), owner.to_owned());
@@ -660,7 +667,7 @@ impl Drop for Seed {
     }
 }
 
-fn history(seed: u64) -> Counts {
+fn history(seed: u64) -> Totals {
     let _seed = Seed(seed);
     let mut world = World::new(seed);
     // In some histories, nothing kills the process.
@@ -718,7 +725,7 @@ fn history(seed: u64) -> Counts {
 fn in_any_history_each_job_ends_once_and_nobody_waits_longer_than_the_bound() {
     let seed = std::env::var("FRETWORK_TEST_SEED").map_or(1, |seed| seed.parse().unwrap());
     let is_long = std::env::var_os("FRETWORK_TEST_LONG").is_some();
-    let mut all = Counts::default();
+    let mut all = Totals::default();
     let mut next = seed;
     while next < seed + 10 || is_long && all.hours < 100_000.0 {
         let counts = history(next);
