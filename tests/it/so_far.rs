@@ -159,4 +159,6 @@ async fn a_canceled_study_continues_from_its_points() {
     let result: Value = serde_json::from_slice(&body.json().unwrap()).unwrap();
     let table = result["table"].as_object().unwrap();
     assert!(table.values().any(|column| column[0] == 12345), "{table:?}");
+    // A study that is computed again for a comparison takes nothing from it.
+    assert_eq!(store.canceled_chunk(&claimed, 0, 4).await.unwrap(), None);
 }

@@ -269,10 +269,13 @@ pub(crate) async fn canceled_chunk(
     of: u32,
     mut db: impl Tables,
 ) -> Result<Option<(Body, Sum)>> {
-    // Only unfinished studies, and those of a week, have a row in `study`.
+    // Only unfinished studies, and those of a week, have a row in `study`. A study whose result is stored is computed again
+    // for a comparison, so nothing computed before may be a part of it.
     let query = sql!(
         "SELECT body, checksum FROM study JOIN run ON run.id = study.run JOIN chunk ON chunk.run = run.id
-         WHERE run.key = $1 AND run.state = 'canceled' AND chunks = $3 AND number = $2 AND chunk.state = 'done' LIMIT 1";
+         WHERE run.key = $1 AND run.state = 'canceled' AND chunks = $3 AND number = $2 AND chunk.state = 'done'
+             AND NOT EXISTS (SELECT 1 FROM result WHERE result.key = $1 AND evicted IS NULL)
+         LIMIT 1";
         key, number, of
     );
     let Some(row) = db.row(query).await? else { return Ok(None) };
