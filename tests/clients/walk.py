@@ -181,7 +181,8 @@ def studies(walk):
             walk.open(f"/#/result/{key}", "#study tbody tr")
         if name in ("map", "sweep", "sample"):
             volumes = column(page, "Wear volume V")
-            assert all(abs(one / other - 1) < 1e-4 for one, other in zip(volumes, found["table"]["wear_volume"])), volumes
+            # The table shows four digits.
+            assert all(abs(one / other - 1) < 5.1e-4 for one, other in zip(volumes, found["table"]["wear_volume"])), volumes
         if name == "sensitivity":
             expect(page.locator("[data-verdict=wear_volume]")).to_contain_text("matters most")
         if name == "sample":
