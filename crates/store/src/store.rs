@@ -205,7 +205,9 @@ impl Store {
         Box::pin(async move {
             let release: Doing<'_, bool> = change!(self, runs::release, claimed.claim());
             let released = release.await;
-            self.signals.stop(&[(claimed.part(), claimed.stop.clone())]);
+            if matches!(released, Ok(true)) {
+                self.signals.stop(&[(claimed.part(), claimed.stop.clone())]);
+            }
             released
         })
     }

@@ -266,6 +266,8 @@ fn annotated(changed: Changed) -> Result<StatusCode> {
 }
 
 /// Returns the note of a result.
+///
+/// A result has at most one note. Provenance and lists show it, too.
 #[utoipa::path(get, path = "/v1/results/{key}/note", operation_id = "get_note", tag = "results",
     params(ResultKey),
     responses(

@@ -178,7 +178,9 @@ pub async fn list(
     Ok((link, Fresh(ResultList { results, units: units.collect(), next, total })).into_response())
 }
 
-/// Returns what the list of results says about one result: its label, tags, note, inputs and outputs.
+/// Returns what the list of results says about one result.
+///
+/// Its label, tags and note, its inputs and outputs, and whether it is pinned.
 #[utoipa::path(get, path = "/v1/results/{key}/about", operation_id = "about_result", tag = "results",
     params(ResultKey),
     responses((status = 200, description = "The entry of the result, in SI.", body = ResultEntry)),
