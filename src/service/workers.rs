@@ -92,7 +92,8 @@ impl Workers {
         let (living, alive) = mpsc::channel(1);
         let (busy, busy_threads) = watch::channel(0);
         let studies = Arc::default();
-        let parking = Arc::new(Parking::new(count));
+        let used = store.clone();
+        let parking = Arc::new(Parking::new(count, move |owner| used.usage(owner)));
         let start = |number| {
             let mut worker = Worker {
                 store: store.clone(),
@@ -148,7 +149,7 @@ impl Workers {
 
     fn give(&self, order: WorkerOrder) {
         self.order.send_replace(order);
-        self.parking.wake();
+        self.parking.close();
     }
 }
 
@@ -212,11 +213,7 @@ enum NotMade {
 impl Worker {
     fn run(&mut self) {
         let runtime = self.runtime.clone();
-        let usage = |worker: &Self, owner: &str| worker.store.usage(owner);
-        while let Some(mut next) = self
-            .parking
-            .take_place(|owner| usage(self, owner), || self.order() == WorkerOrder::Work)
-        {
+        while let Some(mut next) = self.parking.take_place() {
             self.has_place.set(true);
             if next.is_empty() {
                 self.parking.set_idle(true);
@@ -241,7 +238,7 @@ impl Worker {
             }
             self.busy.send_modify(|count| *count -= has_work);
             if self.has_place.take() {
-                self.parking.give_place(|owner| usage(self, owner));
+                self.parking.give_place();
             }
         }
     }
@@ -304,7 +301,7 @@ impl Worker {
             self.settle_all(made).await;
             return Vec::new();
         }
-        let owners = self.parking.others(|owner| self.store.usage(owner), u64::MAX, None);
+        let owners = self.parking.others(u64::MAX, None);
         let claiming = self.store.claim_up_to(most, owners);
         let (stored, next) = tokio::join!(self.store_all(made), claiming);
         // After an error, the caller calls `claim`, which tries again and logs errors.

@@ -4,7 +4,9 @@ use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use super::parking::{Assembling, LAST, Parkable, SLICE};
+use parking_lot::MutexGuard;
+
+use super::parking::{LAST, Parkable, SLICE};
 use super::{MAX_REFUSALS, Made, NotMade, PAUSE, REPORT, Worker, WorkerOrder};
 use crate::service::stopwatch::Stopwatch;
 use fretwork_job::{Answer, Cost, FailureKind, Prepared, Step, Task, TaskKind, asked_in};
@@ -101,15 +103,14 @@ impl Worker {
         }
     }
 
-    /// Waits until no other worker makes a result from chunks, because a large one takes much memory.
-    fn turn(&self, claimed: &Claimed) -> Result<Assembling<'_>, NotMade> {
+    /// Waits until no other worker makes a result from chunks.
+    fn turn(&self, claimed: &Claimed) -> Result<MutexGuard<'_, ()>, NotMade> {
         loop {
-            if let Some(turn) = self.parking.assemble() {
+            if let Some(turn) = self.parking.assembling.try_lock() {
                 return Ok(turn);
             }
             self.pause(claimed)?;
-            let waiting = Parkable { owner: &claimed.owner, bytes: 0, waits: true };
-            self.make_way(claimed, &waiting, LAST);
+            self.make_way(claimed, (0, true), LAST);
         }
     }
 
@@ -132,30 +133,24 @@ impl Worker {
         }
         self.end_slice(claimed);
         if self.batch.lock().waiting.is_empty() && self.parking.is_full() {
-            let piece = Parkable { owner: &claimed.owner, bytes, waits: false };
-            self.make_way(claimed, &piece, self.store.usage(&claimed.owner));
+            self.make_way(claimed, (bytes, false), self.store.usage(&claimed.owner));
         }
     }
 
     /// Parks a piece if an owner waits with a usage below `below`.
-    fn make_way(&self, claimed: &Claimed, piece: &Parkable<'_>, below: u64) {
-        let usage = |owner: &str| self.store.usage(owner);
-        let has_room = self.parking.reserve(piece);
-        if !(has_room && self.park_for_others(claimed, piece, below)) {
-            self.park(claimed, |goes_on| self.parking.swap(piece, usage, below, goes_on));
+    fn make_way(&self, claimed: &Claimed, (bytes, waits): (usize, bool), below: u64) {
+        let piece = Parkable { owner: claimed.owner.clone(), bytes, waits };
+        if !self.park_for_others(claimed, &piece, below) {
+            self.park(claimed, |goes_on| self.parking.swap(&piece, below, goes_on));
         }
-        self.parking.release(piece);
     }
 
     /// Claims a piece of an owner with a usage below `below`, and parks this one. Returns whether it did. After an error
     /// of the store, this piece goes on.
-    fn park_for_others(&self, claimed: &Claimed, piece: &Parkable<'_>, below: u64) -> bool {
-        let is_open = || self.order() == WorkerOrder::Work;
-        let (usage, but) =
-            (|owner: &str| self.store.usage(owner), (!piece.waits).then_some(piece.owner));
-        let owners = self.parking.others(usage, below, but);
+    fn park_for_others(&self, claimed: &Claimed, piece: &Parkable, below: u64) -> bool {
+        let owners = self.parking.others(below, (!piece.waits).then_some(&piece.owner));
         let below = owners.below;
-        if !is_open() || !self.parking.may_claim(below, Instant::now()) {
+        if !self.parking.may_claim(piece, below, Instant::now()) {
             return false;
         }
         let claims = self.runtime.block_on(self.store.claim_up_to(1, owners)).unwrap_or_default();
@@ -164,8 +159,7 @@ impl Worker {
             return false;
         }
         self.park(claimed, |goes_on| {
-            let parked = self.parking.park_for(claims, piece, is_open, goes_on);
-            parked.unwrap_or_else(|claims| {
+            self.parking.park_for(claims, piece, goes_on).unwrap_or_else(|claims| {
                 let back = claims.into_iter().map(|claimed| (claimed, Err(NotMade::Interrupted)));
                 self.runtime.block_on(self.settle_each(&back.collect::<Vec<_>>()));
                 true

@@ -6,7 +6,9 @@
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-use super::{LAST, PARKED, PARKED_BYTES, Parkable, Parked, Parking, SLICE};
+use parking_lot::{Mutex, MutexGuard};
+
+use super::{LAST, PARKED, PARKED_BYTES, Parkable, Parking, SLICE};
 use fretwork_random::Random;
 use fretwork_store::Owners;
 
@@ -22,21 +24,24 @@ struct SimulatedPiece {
 }
 
 impl SimulatedPiece {
-    fn parkable(&self) -> Parkable<'static> {
+    fn parkable(&self) -> Parkable {
         let waits = self.assembles == Some(false);
-        Parkable { owner: self.owner, bytes: if waits { 0 } else { self.bytes }, waits }
+        let bytes = if waits { 0 } else { self.bytes };
+        Parkable { owner: self.owner.to_owned(), bytes, waits }
     }
 }
 
 struct Pool {
     random: Random,
-    parking: Parking,
+    parking: &'static Parking,
+    /// The right of the piece that makes the result of a study.
+    assembling: Option<MutexGuard<'static, ()>>,
     now: Instant,
     /// The claimable pieces, and since when they wait.
     queue: Vec<(SimulatedPiece, Instant)>,
     places: Vec<Option<SimulatedPiece>>,
     asleep: BTreeMap<u64, SimulatedPiece>,
-    used: BTreeMap<&'static str, u64>,
+    used: &'static Mutex<BTreeMap<&'static str, u64>>,
     submitted: usize,
     done: usize,
     parked: usize,
@@ -47,14 +52,19 @@ impl Pool {
     fn new(seed: u64) -> Self {
         let mut random = Random::new(seed);
         let count = random.one_of(&[1, 2, 4]);
+        // Both live as long as the process, like those of a server.
+        let used = Box::leak(Box::new(Mutex::new(OWNERS.map(|owner| (owner, 0)).into())));
+        let used: &'static Mutex<BTreeMap<&'static str, u64>> = used;
+        let parking = Parking::new(count, |owner| used.lock()[owner]);
         let pool = Self {
             random,
-            parking: Parking::new(count),
+            parking: Box::leak(Box::new(parking)),
+            assembling: None,
             now: Instant::now(),
             queue: Vec::new(),
             places: (0..count).map(|_| None).collect(),
             asleep: BTreeMap::new(),
-            used: OWNERS.map(|owner| (owner, 0)).into(),
+            used,
             submitted: 0,
             done: 0,
             parked: 0,
@@ -68,9 +78,13 @@ impl Pool {
         self.random.between(0.0, end as f64) as usize
     }
 
+    fn used(&self, owner: &str) -> u64 {
+        self.used.lock()[owner]
+    }
+
     /// A thread takes a free place, and has no work.
     fn idle(&self) {
-        let claims = self.parking.take_place(|owner| self.used[owner], || true);
+        let claims = self.parking.take_place();
         assert_eq!(claims.map(|claims| claims.len()), Some(0));
         self.parking.set_idle(true);
     }
@@ -89,35 +103,28 @@ impl Pool {
     }
 
     fn may(&self, owners: &Owners, owner: &str) -> bool {
-        self.used[owner] < owners.below && !owners.except.iter().any(|other| other == owner)
+        self.used(owner) < owners.below && !owners.except.iter().any(|other| other == owner)
     }
 
     fn claim(&mut self, owners: &Owners) -> Option<SimulatedPiece> {
         let queue = self.queue.iter().enumerate();
         let may = queue.filter(|(_, (piece, _))| self.may(owners, piece.owner));
-        let next = may.min_by_key(|(place, (piece, _))| (self.used[piece.owner], *place))?.0;
+        let next = may.min_by_key(|(place, (piece, _))| (self.used(piece.owner), *place))?.0;
         Some(self.queue.remove(next).0)
     }
 
     /// The piece that has a place again, if there is one.
     fn resumed(&mut self) -> Option<SimulatedPiece> {
         let parked: Vec<_> =
-            self.parking.state.lock().parked.iter().map(|piece| piece.number).collect();
+            self.parking.state.lock().parked.iter().map(|(number, _)| *number).collect();
         let number = *self.asleep.keys().find(|number| !parked.contains(number))?;
-        let piece = self.asleep.remove(&number).unwrap();
-        self.parking.release(&piece.parkable());
-        Some(piece)
+        self.asleep.remove(&number)
     }
 
     /// Parks the piece at a place, as `Parking::wait`, and gives the place to another one.
     fn park(&mut self, place: usize, next: SimulatedPiece) {
         let piece = self.places[place].replace(next).unwrap();
-        let Parkable { owner, bytes, waits } = piece.parkable();
-        let mut state = self.parking.state.lock();
-        state.last += 1;
-        let number = state.last;
-        state.parked.push(Parked { number, owner: owner.to_owned(), bytes, waits });
-        drop(state);
+        let number = self.parking.state.lock().park(&piece.parkable());
         self.asleep.insert(number, piece);
         self.parked += 1;
     }
@@ -125,37 +132,35 @@ impl Pool {
     /// As `Worker::make_way`.
     fn make_way(&mut self, place: usize, below: u64) {
         let piece = self.places[place].as_ref().unwrap().parkable();
-        let has_room = self.parking.reserve(&piece);
-        let but = (!piece.waits).then_some(piece.owner);
-        let mut was_futile = false;
-        if has_room {
-            let owners = self.parking.others(|owner| self.used[owner], below, but);
-            if !self.parking.may_claim(owners.below, self.now) {
-                was_futile = true;
-            } else if let Some(next) = self.claim(&owners) {
+        let has_room = self.parking.state.lock().has_room(&piece);
+        let but = (!piece.waits).then_some(piece.owner.clone());
+        let owners = self.parking.others(below, but.as_deref());
+        let was_futile = has_room && !self.parking.may_claim(&piece, owners.below, self.now);
+        if has_room && !was_futile {
+            if let Some(next) = self.claim(&owners) {
                 return self.park(place, next);
-            } else {
-                self.parking.found_nothing(owners.below, self.now);
             }
+            self.parking.found_nothing(owners.below, self.now);
         }
         let mut state = self.parking.state.lock();
-        let excess = state.reserved.1.saturating_sub(PARKED_BYTES);
+        let is_resumed = self.parking.resume_for(&mut state, &piece, below);
+        let excess = state.bytes_with(&piece).saturating_sub(PARKED_BYTES);
         let may =
-            |other: &Parked| other.bytes >= excess && (piece.waits || other.owner != piece.owner);
-        let is_resumed = state.resume(|owner| self.used[owner], below, may);
-        let left = state.parked.iter().filter(|other| may(other));
-        let left = left.map(|other| state.rank(other, |owner| self.used[owner])).min();
+            |other: &Parkable| other.bytes >= excess && (piece.waits || other.owner != piece.owner);
+        let left = state.parked.iter().filter(|(_, other)| may(other));
+        let left = left.map(|(_, other)| self.parking.rank(other)).min();
         drop(state);
         if is_resumed {
             let next = self.resumed().expect("a parked piece has the place");
             return self.park(place, next);
         }
-        self.parking.release(&piece);
         assert!(left.is_none_or(|rank| rank >= below), "a parked piece has less usage");
         self.full += usize::from(!has_room);
         let claimable = self.queue.iter().filter(|(other, since)| {
             let is_new = self.now.duration_since(*since) < SLICE;
-            Some(other.owner) != but && self.used[other.owner] < below && !(was_futile && is_new)
+            but.as_deref() != Some(other.owner)
+                && self.used(other.owner) < below
+                && !(was_futile && is_new)
         });
         assert!(!has_room || claimable.count() == 0, "an owner with less usage waits");
     }
@@ -165,28 +170,29 @@ impl Pool {
         let Some(piece) = &mut self.places[place] else { return };
         let owner = piece.owner;
         if piece.assembles == Some(false) {
-            if std::mem::replace(&mut self.parking.state.lock().assembling, true) {
+            let Some(right) = self.parking.assembling.try_lock() else {
                 return self.make_way(place, LAST);
-            }
+            };
+            self.assembling = Some(right);
             piece.assembles = Some(true);
         }
         piece.slices -= 1;
-        *self.used.get_mut(owner).unwrap() += 2;
+        *self.used.lock().get_mut(owner).unwrap() += 2;
         if piece.slices > 0 {
             // The result of a study is made without a pause.
             if piece.assembles.is_none() && self.parking.is_full() {
-                self.make_way(place, self.used[owner]);
+                self.make_way(place, self.used(owner));
             }
             return;
         }
         if piece.assembles.is_some() {
-            self.parking.state.lock().assembling = false;
+            self.assembling = None;
         }
         self.done += 1;
-        let owners = self.parking.others(|owner| self.used[owner], u64::MAX, None);
+        let owners = self.parking.others(u64::MAX, None);
         self.places[place] = self.claim(&owners);
         if self.places[place].is_none() {
-            self.parking.give_place(|owner| self.used[owner]);
+            self.parking.give_place();
             self.places[place] = self.resumed();
             if self.places[place].is_none() {
                 self.idle();
@@ -197,14 +203,17 @@ impl Pool {
     fn check(&self) {
         let state = self.parking.state.lock();
         let bytes: usize = self.asleep.values().map(|piece| piece.parkable().bytes).sum();
-        assert_eq!(state.reserved, (self.asleep.len(), bytes), "the count of parked pieces");
         assert!(self.asleep.len() <= PARKED && bytes <= PARKED_BYTES, "too much is parked");
         let idle = self.places.iter().filter(|place| place.is_none()).count();
         assert_eq!((state.free, state.idle, state.parked.len()), (0, idle, self.asleep.len()));
         let waiting = self.queue.len() + self.asleep.len();
         assert!(idle == 0 || waiting == 0, "a place is idle, and {waiting} pieces wait");
         let begun = self.places.iter().flatten().filter(|piece| piece.assembles == Some(true));
-        assert_eq!(usize::from(state.assembling), begun.count(), "one result at a time is made");
+        assert_eq!(
+            usize::from(self.parking.assembling.is_locked()),
+            begun.count(),
+            "one result at a time is made"
+        );
     }
 }
 
