@@ -10,11 +10,12 @@ use crate::telemetry::Logging;
 use fretwork_job::clock::{self, now};
 use fretwork_store::{self as store, AccessKey, Administration, AuditEntry, NewKey, Place, Role};
 
-/// Adds, lists or revokes access keys.
+/// Adds, lists or revokes access keys, or passes on the names of an owner.
 pub fn keys(command: Keys) -> Result<(), Error> {
     match command {
         Keys::Add(new) => block_on(add(new)),
         Keys::List(data) => block_on(list(&data)),
+        Keys::ShareNames { owner, give_to, data } => block_on(pass_on(&owner, give_to, &data)),
         Keys::Revoke { name, data } => block_on(revoke(&name, &data)),
     }
 }
@@ -58,14 +59,14 @@ async fn of<T>(
 }
 
 async fn add(new: AddKey) -> Result<(), Error> {
-    let AddKey { name, role, expires, rate, data } = new;
+    let AddKey { name, role, expires, rate, private, data } = new;
     let place = data.place()?;
     let new_database = !Administration::is_at(&place);
     let mut tables = Administration::open(place.clone()).await?;
     let expires = expires.map(|time| now() + time.as_millis() as i64);
     let first = tables.keys().await?.is_empty();
-    let key =
-        tables.add_key(&NewKey { name: name.clone(), role, per_minute: rate, expires }).await?;
+    let new = NewKey { name: name.clone(), role, per_minute: rate, expires, private };
+    let key = tables.add_key(&new).await?;
     tables.close().await?;
     // Only the key goes to standard output, so that scripts can read it.
     let mut out = io::stdout().lock();
@@ -87,7 +88,8 @@ async fn add(new: AddKey) -> Result<(), Error> {
 pub async fn add_first_key(place: &Place, logging: &Logging) -> Result<(), Error> {
     const NAME: &str = "first";
     let mut tables = Administration::open(place.clone()).await?;
-    let new = NewKey { name: NAME.to_owned(), role: Role::Admin, per_minute: None, expires: None };
+    let (name, role) = (NAME.to_owned(), Role::Admin);
+    let new = NewKey { name, role, per_minute: None, expires: None, private: false };
     let key = tables.add_key(&new).await?;
     let message = "Other machines can reach this server, so it requires an access key. This is the key of an administrator. \
         It is not shown again";
@@ -131,6 +133,13 @@ async fn list(data: &Data) -> Result<(), Error> {
     Ok(())
 }
 
+/// Shares the earlier names of an owner, or gives its names to another one.
+async fn pass_on(from: &str, to: Option<String>, data: &Data) -> Result<(), Error> {
+    let count = of(data, async |tables| tables.pass_names_on(from, to.as_deref()).await).await?;
+    let with = to.map_or_else(|| "shared".to_owned(), |to| format!("given to {to}"));
+    Ok(writeln!(io::stdout(), "jobs and notes of {from} {with}: {count}")?)
+}
+
 async fn revoke(name: &str, data: &Data) -> Result<(), Error> {
     match of(data, async |tables| tables.revoke_keys(name).await).await? {
         0 => Err(format!(
@@ -145,12 +154,14 @@ async fn revoke(name: &str, data: &Data) -> Result<(), Error> {
 /// Whether a key is valid, and until when.
 fn state(key: &AccessKey) -> String {
     let now = now();
-    match (key.revoked, key.expires) {
+    let private = if key.private { ", private names" } else { "" };
+    let state = match (key.revoked, key.expires) {
         (Some(at), _) => format!("revoked {}", day(at)),
         (None, Some(at)) if at <= now => format!("expired {}", day(at)),
         (None, Some(at)) => format!("until {}", day(at)),
         (None, None) => "valid".to_owned(),
-    }
+    };
+    state + private
 }
 
 /// The UTC date of a time in milliseconds since 1970.

@@ -15,6 +15,16 @@ pub enum Keys {
     Add(AddKey),
     /// List the keys, without their secrets.
     List(Data),
+    /// Share with all users the names that an owner gave before a version with shared names, or give its names to another owner.
+    ShareNames {
+        /// The owner: the name of a key, or the address of a client before there were keys.
+        owner: String,
+        /// Give the finished jobs and the notes to this owner, and share nothing.
+        #[arg(long, value_parser = key_name)]
+        give_to: Option<String>,
+        #[command(flatten)]
+        data: Data,
+    },
     /// Revoke keys by id or by name. Their signed links become invalid too.
     Revoke {
         /// The id of one key, or the name of one or more keys.
@@ -39,6 +49,9 @@ pub struct AddKey {
     /// Requests per minute; 0 means no limit [default: the server's --rate-limit].
     #[arg(long, value_name = "N")]
     pub rate: Option<u32>,
+    /// Keep labels, tags and notes private: only the owner sees them, and administrators see the jobs.
+    #[arg(long)]
+    pub private: bool,
     #[command(flatten)]
     pub data: Data,
 }

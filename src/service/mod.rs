@@ -3,7 +3,6 @@
 
 mod evaluate;
 mod import;
-mod jobs;
 mod limits;
 mod places;
 mod short;

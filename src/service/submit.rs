@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use serde_json::json;
 use sha2::{Digest as _, Sha256};
+use tokio::time::sleep;
 
 use super::{Excess, Service};
 use fretwork_job::{Answer, Job, JobId, JobState, Prepared, Submission, asked_in};
@@ -14,6 +15,8 @@ use fretwork_store::{Admission, Error, NewJob, Repeatable, Result, Submitted};
 pub struct Terms {
     /// The owner of the job.
     pub owner: String,
+    /// Whether its names are private, unless the submission says so itself.
+    pub private: bool,
     /// The urgency among the jobs of the owner: 0 is the most urgent, 7 the least.
     pub priority: u8,
     /// The client's name for this submission. If the client repeats the submission with the same name, it stays one
@@ -78,7 +81,8 @@ impl Service {
         if self.is_draining() {
             return Err(Refusal::Draining);
         }
-        let Submission { prepared, submitted, label, tags } = submission;
+        let Submission { prepared, submitted, label, tags, private } = submission;
+        let private = private.unwrap_or(terms.private);
         let excess = self.0.limits.refuse(&prepared);
         let new = NewJob {
             id: JobId::generate(),
@@ -91,10 +95,11 @@ impl Service {
             priority: terms.priority,
             repeatable: terms.idempotency_key.map(|key| Repeatable {
                 key,
-                fingerprint: fingerprint(&prepared, label.as_deref(), &tags),
+                fingerprint: fingerprint(&prepared, (label.as_deref(), &tags, private)),
             }),
             label,
             tags,
+            private,
             warnings: prepared.warnings(),
             submission_warnings: prepared.submission_warnings.clone(),
             afresh: terms.afresh,
@@ -140,6 +145,20 @@ impl Service {
         Ok(Accepted { job, answer, repeated })
     }
 
+    /// Waits until the job is finished, the time is over or the service drains. Returns the job as it is then.
+    ///
+    /// # Errors
+    /// The database fails.
+    pub async fn wait(&self, job: Job, time: Duration) -> Result<Job> {
+        let until = async {
+            tokio::select! {
+                () = sleep(time) => {}
+                () = self.drained() => {}
+            }
+        };
+        self.0.store.wait(job, until).await
+    }
+
     /// Submits to the store. The prepared task stays in memory for the worker that claims its run.
     async fn enqueue(&self, new: NewJob, prepared: Prepared) -> Result<Submitted> {
         let (waiting, key) = (&self.0.waiting, prepared.key);
@@ -172,9 +191,11 @@ impl Service {
 /// A digest of a submission, by which the server recognises its repetition. The digest is that of version 1 of the
 /// stored form, so that the server recognises a repetition after an update of the program too.
 #[expect(clippy::expect_used, reason = "a wrong digest would accept another submission")]
-fn fingerprint(prepared: &Prepared, label: Option<&str>, tags: &[String]) -> Vec<u8> {
+fn fingerprint(prepared: &Prepared, named: (Option<&str>, &[String], bool)) -> Vec<u8> {
+    let (label, tags, private) = named;
     let (kind, asked) =
         asked_in(&prepared.stored).expect("a prepared task has a scenario or a study");
     let version_1 = format!("{{\"{}\":{asked}}}", kind.member());
-    Sha256::digest(json!([version_1, label, tags]).to_string()).to_vec()
+    let private = if private { " private" } else { "" };
+    Sha256::digest(json!([version_1, label, tags]).to_string() + private).to_vec()
 }

@@ -76,7 +76,7 @@ def search(page, base):
     expect(page.locator(".jobs tbody th a")).to_have_text(shown[::-1])
     rows = csv.DictReader(downloaded(page, page.get_by_role("button", name="CSV of all found").click).decode().splitlines())
     assert [row["label"] for row in rows] == shown[::-1] and "sort=created" in page.url, page.url
-    page.select_option("#owner-filter", "me")
+    page.get_by_label("Of all users").uncheck()
     expect(page.locator(".jobs tbody tr")).to_have_count(13)
     units = {text.split("\u00a0")[1] for text in page.locator(".jobs td:nth-child(5)").all_inner_texts() if "\u00a0" in text}
     assert len(units) == 1, units
@@ -187,7 +187,7 @@ def rename(page, base):
     choose(page, "Sample 3, horse")
     page.get_by_role("button", name="Rename").click()
     expect(page.get_by_label("Label", exact=True)).to_have_value("Sample 3, horse")
-    expect(page.get_by_role("dialog")).to_contain_text("only you and administrators see labels and tags")
+    expect(page.get_by_role("dialog")).to_contain_text("All users see labels and tags")
     page.get_by_label("Label", exact=True).fill("Okapi")
     page.keyboard.press("Enter")
     expect(page.locator("#status")).to_have_text("Renamed 1 result.")

@@ -1,5 +1,5 @@
-"""Tests in a browser who may do what: one sign-in for all tabs, roles, the page of the access keys, shared links, and users of a
-sign-on proxy.
+"""Tests in a browser who may do what: one sign-in for all tabs, roles, the page of the access keys, shared links, names of
+colleagues, and users of a sign-on proxy.
 
     python sign_in.py target/debug/fretwork
 
@@ -188,7 +188,7 @@ def roles(browser, own, key):
         page.fill("#friction", "0.5")
         expect(item(page, "regime")).to_have_text("Gross slip")
         page.press("#friction", "Control+Enter") if role == "read" else None
-        look("/#/library", ".entry")
+        look("/#/library?submitted_by=", ".entry")
         # The place of the note comes with the last buttons.
         look(f"/#/result/{key}", ".actions .note")
         look("/#/queue", "main h1")
@@ -263,6 +263,79 @@ def keys_page(browser, own):
         page.wait_for_selector("[data-key]")
         browser.check_looks(page, "keys", looks)
         page.context.close()
+
+
+def colleagues(browser, own):
+    """A colleague finds a run by a word of its label, its tag and its note, and tags it. A private one is not found. Two users who change one
+    note are told so."""
+    key = made(own, "anne", "submit")
+    anna, ben = signed_in(browser, own, key), signed_in(browser, own, made(own, "ben", "submit"))
+    anna.goto(own.base + "/")
+    for name, is_private in (("Gear box", False), ("Gear rim", True)):
+        expect(item(anna, "regime")).to_have_text("Partial slip")
+        anna.fill("#friction", "0.71" if is_private else "0.72")
+        anna.fill("#label", name)
+        anna.get_by_label("Only I see the name").set_checked(is_private)
+        anna.locator("button.primary:enabled").click()
+        anna.wait_for_url("**/#/result/*")
+        expect(anna.locator("#result-label")).to_have_text(name)
+        if not is_private:
+            result = anna.url
+            note(anna, "Agrees with the shaft.")
+            anna.goto(own.base + "/#/new")
+    job = re.search("job=([0-9a-f-]+)", result)[1]
+    ask(own.base, f"/v1/jobs/{job}", {"tags": ["pinion"]}, method="PATCH", wait=False, headers={"Authorization": f"Bearer {key}"})
+    # Each user begins with her own results, and one click shows those of all.
+    anna.goto(own.base + "/#/library?q=gear")
+    expect(anna.locator(".entry")).to_have_count(2)
+    ben.goto(own.base + "/#/library?q=gear")
+    expect(ben.locator(".empty")).to_contain_text("search the results of all users")
+    ben.get_by_label("Of all users").check()
+    for words in ("gear", "PINION gear", "shaft"):
+        ben.fill("#find-q", words)
+        expect(ben.locator(".entry")).to_have_count(1)
+        expect(ben.locator(".entry th")).to_contain_text(re.compile("Gear box.*anne", re.DOTALL))
+    ben.fill("#find-q", "rim")
+    expect(ben.locator(".empty")).to_contain_text("No match")
+    ben.fill("#find-q", "gear")
+    browser.check_view(ben, "library-of-all")
+    ben.locator(".entry input").check()
+    expect(ben.get_by_role("button", name="Rename")).to_have_count(0)
+    ben.get_by_role("button", name="Tag").click()
+    ben.get_by_label("Add tags").fill("ben-1")
+    ben.get_by_role("button", name="Change tags").click()
+    expect(ben.locator(".entry")).to_contain_text("ben-1")
+    ben.reload()
+    expect(ben.locator(".entry")).to_contain_text("ben-1")
+    ben.goto(own.base + "/#/runs")
+    expect(ben.locator(".jobs tbody tr")).to_have_count(0)
+    ben.get_by_label("Of all users").check()
+    expect(ben.locator(".jobs tbody tr", has_text="Gear box")).to_contain_text("anne")
+    expect(ben.locator(".jobs tbody")).not_to_contain_text("Gear rim")
+    # Both have read the same note.
+    for page in (anna, ben):
+        page.goto(result)
+        expect(page.locator(".actions .note")).to_contain_text("Agrees with the shaft.")
+    expect(ben.locator("#result-label")).to_contain_text(re.compile("Gear box.*anne"))
+    note(ben, "Ben agrees.")
+    note(anna, "Anne agrees.")
+    expect(anna.locator("dialog .warning")).to_contain_text("ben has changed the note: “Ben agrees.”")
+    expect(anna.locator("#note")).to_have_value("Anne agrees.")
+    browser.check_view(anna, "note-changed")
+    anna.fill("#note", "Both agree.")
+    anna.locator("dialog").get_by_role("button", name="Save").click()
+    expect(anna.locator(".actions .note")).to_have_text("“Both agree.” (anne)")
+    for page in (anna, ben):
+        page.context.close()
+
+
+def note(page, text):
+    """Types a note of the result that a page shows."""
+    page.locator(".actions .note").wait_for(state="attached")
+    open_actions(page)
+    page.get_by_role("button", name="Note", exact=True).click()
+    page.fill("#note", text)
+    page.locator("dialog").get_by_role("button", name="Save").click()
 
 
 def open_actions(page):
@@ -387,6 +460,7 @@ def main():
             revoked(browser, own)
             roles(browser, own, shared(browser, own))
             keys_page(browser, own)
+            colleagues(browser, own)
         sign_on(browser, directory("sign-on"))
     print(f"sign-in, roles, keys and shared links pass their tests in {'Firefox' if FIREFOX else 'Chromium'}")
 

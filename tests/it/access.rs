@@ -40,10 +40,14 @@ pub async fn computing(begin: Begin, limits: Limits) -> Server {
 
 /// Adds a key while the server runs.
 pub async fn made(place: impl Into<Place>, name: &str, role: Role) -> String {
-    made_with(place, NewKey { name: name.into(), role, per_minute: None, expires: None }).await
+    made_with(
+        place,
+        NewKey { name: name.into(), role, per_minute: None, expires: None, private: false },
+    )
+    .await
 }
 
-async fn made_with(place: impl Into<Place>, new: NewKey) -> String {
+pub async fn made_with(place: impl Into<Place>, new: NewKey) -> String {
     let mut administration = Administration::open(place.into()).await.unwrap();
     let key = administration.add_key(&new).await.unwrap();
     administration.close().await.unwrap();
@@ -63,12 +67,17 @@ pub async fn get(server: &Server, key: &str, target: &str) -> Reply {
 
 /// Every documented operation: its method, and its address with the id of no job or the key of no result.
 fn operations() -> Vec<(String, String)> {
+    operations_on("019aa0f3-1f4e-7cc0-9d8b-1c5b0c1f9a11", &"0".repeat(64))
+}
+
+/// Every documented operation on this job and this result.
+pub fn operations_on(id: &str, key: &str) -> Vec<(String, String)> {
     let document: Value = serde_json::from_slice(&http::document()).unwrap();
     let mut operations = Vec::new();
     for (path, item) in document["paths"].as_object().unwrap() {
         let target = path
-            .replace("{key}", &"0".repeat(64))
-            .replace("{id}", "019aa0f3-1f4e-7cc0-9d8b-1c5b0c1f9a11")
+            .replace("{key}", key)
+            .replace("{id}", id)
             .replace("{name}", "steel-ball")
             .replace("{slug}", "not-found");
         assert!(!target.contains('{'), "{target}");
@@ -156,7 +165,7 @@ async fn each_role_allows_only_its_own_operations() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn jobs_are_private_and_results_are_shared() {
+async fn private_jobs_are_hidden_and_results_are_shared() {
     let gate = Gate::default();
     let server = computing(gate.compute(), Limits::default()).await;
     let anna = made(server.place(), "anna", Role::Submit).await;
@@ -164,7 +173,9 @@ async fn jobs_are_private_and_results_are_shared() {
     let ben = made(server.place(), "ben", Role::Submit).await;
     let bearer = format!("Bearer {anna}");
     let headers = [JSON, ("Authorization", bearer.as_str())];
-    let job = server.send("POST", "/v1/jobs", &headers, ball(1.0).to_string()).await.json();
+    let mut body = ball(1.0);
+    body["private"] = json!(true);
+    let job = server.send("POST", "/v1/jobs", &headers, body.to_string()).await.json();
     let id = job["id"].as_str().unwrap();
     let (own, key) = (format!("/v1/jobs/{id}"), job["key"].as_str().unwrap());
 
@@ -193,7 +204,7 @@ async fn jobs_are_private_and_results_are_shared() {
     for (owner, count) in [("me", 0), ("anna", 1), ("ben", 0), ("nobody", 0)] {
         assert_eq!(listed(MASTER, &format!("?owner={owner}")).await, count, "{owner}");
     }
-    // An administrator sees the owner of a job. Other users see only their own jobs.
+    // An administrator sees the owner of a job. Other users see only their own private jobs.
     for key in [&anna, MASTER] {
         let told = get(&server, key, "/v1/jobs").await.json();
         assert_eq!(told["jobs"][0]["owner"], "anna", "{told}");
@@ -201,30 +212,33 @@ async fn jobs_are_private_and_results_are_shared() {
     }
     assert_eq!(listed(&anna, "?owner=anna").await, 1);
     assert_eq!(listed(&anna, "?owner=me").await, 1);
-    for (key, owner) in [(&anna, "ben"), (&ben, "anna"), (&ben, "nobody")] {
-        for (method, target) in [("GET", "/v1/jobs"), ("POST", "/v1/jobs/cancel")] {
-            let target = format!("{target}?owner={owner}");
-            let refused = ask(&server, key, method, &target, "").await;
-            let refused = refused.problem(422, "invalid-parameters");
-            let detail = refused["errors"][0]["detail"].as_str().unwrap();
-            assert!(
-                detail.contains("must be \"me\"") && detail.contains("administrators"),
-                "{detail}"
-            );
-        }
-    }
-    // Cancelling by a filter does not reach the jobs of other owners either.
-    let all = "/v1/jobs/cancel?state=running";
-    assert_eq!(ask(&server, &ben, "POST", all, "").await.json(), json!({"canceled": 0}));
-    // Only the owner of the job gets the address of the running job.
+    assert_eq!(listed(&ben, "?owner=anna").await, 0);
+    // Only its owner gets the address of the running job.
     let result = format!("/v1/results/{key}");
     let told = get(&server, &anna, &result).await;
     assert_eq!(told.header("link"), Some(format!("<{own}>; rel=\"related\"").as_str()));
     let told = get(&server, &ben, &result).await;
     assert_eq!((told.status, told.header("link")), (404, None));
     assert!(!told.text().contains(id), "{}", told.text());
+    // After anna has shared it, ben sees and follows it, but cancels it neither by its id nor by a filter.
+    let share = json!({"private": false}).to_string();
+    assert_eq!(ask(&server, &anna, "PATCH", &own, &share).await.status, 200);
+    assert_eq!((listed(&ben, "?owner=anna").await, listed(&ben, "?owner=me").await), (1, 0));
+    let told = get(&server, &ben, &result).await;
+    assert_eq!(told.header("link"), Some(format!("<{own}>; rel=\"related\"").as_str()));
+    ask(&server, &ben, "POST", &format!("{own}/cancel"), "").await.problem(403, "other-owner");
+    for filter in ["state=running", "owner=anna", "owner=me", "tag=example"] {
+        let target = format!("/v1/jobs/cancel?{filter}");
+        assert_eq!(ask(&server, &ben, "POST", &target, "").await.json(), json!({"canceled": 0}));
+    }
+    // A stream of events ends when anna hides the job again.
+    let bearer = format!("Authorization: Bearer {ben}\r\n");
+    let stream = followed_with(&server, &bearer, id).await;
+    let hide = json!({"private": true}).to_string();
+    assert_eq!(ask(&server, &anna, "PATCH", &own, &hide).await.status, 200);
 
     gate.open();
+    assert!(!rest(stream).await.contains("succeeded"));
     let done = get(&server, &again, &format!("{own}?wait=60")).await.json();
     assert_eq!(done["state"], "succeeded", "{done}");
     assert_eq!(get(&server, &ben, &result).await.status, 200);
@@ -239,31 +253,22 @@ async fn jobs_are_private_and_results_are_shared() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn only_its_owner_or_an_administrator_changes_a_pin_or_a_note() {
+async fn only_its_owner_or_an_administrator_removes_a_pin() {
     let server = server(Limits::default()).await;
     let anna = made(server.place(), "anna", Role::Submit).await;
     let ben = made(server.place(), "ben", Role::Submit).await;
     let job = ask(&server, &anna, "POST", "/v1/jobs", &steel_ball().to_string()).await.json();
     let result = job["links"]["result"].as_str().unwrap();
-    let (pin, note) = (format!("{result}/pin"), format!("{result}/note"));
-    let text = |text: &str| json!({ "text": text }).to_string();
+    let pin = format!("{result}/pin");
     let provenance = async || get(&server, &ben, &format!("{result}/provenance")).await.json();
 
     assert_eq!(ask(&server, &anna, "PUT", &pin, "").await.status, 204);
-    assert_eq!(ask(&server, &anna, "PUT", &note, &text("Mine.")).await.status, 204);
     assert_eq!(provenance().await["pinned_by"], "anna");
     // To pin it again changes nothing.
     assert_eq!(ask(&server, &ben, "PUT", &pin, "").await.status, 204);
-    for (method, address, body) in [
-        ("DELETE", &pin, String::new()),
-        ("DELETE", &note, String::new()),
-        ("PUT", &note, text("No, mine.")),
-    ] {
-        let problem = ask(&server, &ben, method, address, &body).await.problem(403, "other-owner");
-        assert!(problem["detail"].as_str().unwrap().contains("\"anna\""), "{problem}");
-    }
-    let after = provenance().await;
-    assert_eq!((&after["pinned_by"], &after["note"]["text"]), (&json!("anna"), &json!("Mine.")));
+    let problem = ask(&server, &ben, "DELETE", &pin, "").await.problem(403, "other-owner");
+    assert!(problem["detail"].as_str().unwrap().contains("\"anna\""), "{problem}");
+    assert_eq!(provenance().await["pinned_by"], "anna");
     let pinned = async |key: &str, owner: &str| {
         let list = get(&server, key, &format!("/v1/results?pinned_by={owner}")).await.json();
         list["results"].as_array().unwrap().len()
@@ -271,10 +276,8 @@ async fn only_its_owner_or_an_administrator_changes_a_pin_or_a_note() {
     assert_eq!((pinned(&anna, "me").await, pinned(&ben, "me").await), (1, 0));
     assert_eq!(pinned(&ben, "anna").await, 1);
 
-    assert_eq!(ask(&server, MASTER, "PUT", &note, &text("Ours.")).await.status, 204);
     assert_eq!(ask(&server, MASTER, "DELETE", &pin, "").await.status, 204);
-    let after = provenance().await;
-    assert_eq!((&after["pinned_by"], &after["note"]["text"]), (&Value::Null, &json!("Ours.")));
+    assert_eq!(provenance().await["pinned_by"], Value::Null);
     assert_eq!(ask(&server, &ben, "PUT", &pin, "").await.status, 204);
     assert_eq!(ask(&server, &ben, "DELETE", &pin, "").await.status, 204);
 }
@@ -359,7 +362,13 @@ async fn a_running_server_applies_new_and_revoked_keys() {
     until(401, &second).await;
     until(401, "").await;
 
-    let past = NewKey { name: "c".into(), role: Role::Read, per_minute: None, expires: Some(1000) };
+    let past = NewKey {
+        name: "c".into(),
+        role: Role::Read,
+        per_minute: None,
+        expires: Some(1000),
+        private: false,
+    };
     let late = made_with(server.place(), past).await;
     let refused = get(&server, &late, "/v1/jobs").await.problem(401, "unauthorized");
     assert!(refused["detail"].as_str().unwrap().contains("1970-01-01"), "{refused}");
@@ -370,8 +379,13 @@ async fn a_caller_can_read_its_own_name_and_role() {
     let [per_minute, evaluations, at_once] = [100, 20, 7].map(NonZeroU32::new);
     let limits = Limits { per_minute, evaluations, at_once };
     let server = server(limits).await;
-    let new =
-        NewKey { name: "anna".into(), role: Role::Submit, per_minute: Some(50), expires: None };
+    let new = NewKey {
+        name: "anna".into(),
+        role: Role::Submit,
+        per_minute: Some(50),
+        expires: None,
+        private: false,
+    };
     let anna = made_with(server.place(), new).await;
     let me = get(&server, &anna, "/v1/me").await.json();
     assert_eq!((&me["name"], &me["role"]), (&json!("anna"), &json!("submit")));
@@ -399,7 +413,7 @@ async fn shared() -> (Server, String, String) {
 }
 
 /// The `link=…` of a new link.
-async fn link(server: &Server, key: &str, result: &str, query: &str) -> String {
+pub async fn link(server: &Server, key: &str, result: &str, query: &str) -> String {
     let reply = ask(server, key, "POST", &format!("{result}/links{query}"), "").await;
     assert_eq!(reply.status, 201, "{}", reply.text());
     let url = reply.json()["url"].as_str().unwrap().to_owned();
@@ -591,8 +605,13 @@ fn number(reply: &Reply, header: &str, name: &str) -> u32 {
 async fn a_rate_limited_key_gets_retry_after_and_other_keys_are_unaffected() {
     let server = server(Limits { per_minute: NonZeroU32::new(6000), ..Limits::default() }).await;
     // The limit allows one more request per second.
-    let new =
-        NewKey { name: "anna".into(), role: Role::Submit, per_minute: Some(60), expires: None };
+    let new = NewKey {
+        name: "anna".into(),
+        role: Role::Submit,
+        per_minute: Some(60),
+        expires: None,
+        private: false,
+    };
     let anna = made_with(server.place(), new).await;
     let ben = made(server.place(), "ben", Role::Read).await;
     let first = get(&server, &anna, "/version").await;
@@ -679,7 +698,13 @@ async fn forbidden_requests_count_towards_the_rate_limit() {
 async fn a_connection_stays_usable_after_a_refusal_by_access_control() {
     let server = server(Limits::default()).await;
     let read = made(server.place(), "reader", Role::Read).await;
-    let once = NewKey { name: "s".into(), role: Role::Submit, per_minute: Some(1), expires: None };
+    let once = NewKey {
+        name: "s".into(),
+        role: Role::Submit,
+        per_minute: Some(1),
+        expires: None,
+        private: false,
+    };
     let once = made_with(server.place(), once).await;
     assert_eq!(get(&server, &once, "/version").await.status, 200);
     for (key, status) in [("nonsense", 401), (&*read, 403), (&*once, 429)] {
@@ -729,8 +754,13 @@ async fn a_page_of_an_allowed_origin_can_send_a_key() {
 #[tokio::test(flavor = "multi_thread")]
 async fn links_have_their_own_rate_limit() {
     let server = server(Limits { per_minute: NonZeroU32::new(6000), ..Limits::default() }).await;
-    let new =
-        NewKey { name: "anna".into(), role: Role::Submit, per_minute: Some(20), expires: None };
+    let new = NewKey {
+        name: "anna".into(),
+        role: Role::Submit,
+        per_minute: Some(20),
+        expires: None,
+        private: false,
+    };
     let anna = made_with(server.place(), new).await;
     let job = ask(&server, &anna, "POST", "/v1/jobs", &steel_ball().to_string()).await.json();
     let result = job["links"]["result"].as_str().unwrap();

@@ -44,7 +44,7 @@ async fn the_audit_log_says_who_did_what_to_whom() {
     for job in &jobs[..2] {
         let own = format!("/v1/jobs/{}", job["id"].as_str().unwrap());
         // A deletion that is refused is not recorded.
-        assert_eq!(ask(&server, &ben, "DELETE", &own, "").await.status, 404);
+        assert_eq!(ask(&server, &ben, "DELETE", &own, "").await.status, 403);
         assert_eq!(ask(&server, &anna, "DELETE", &own, "").await.status, 204);
     }
     assert_eq!(ask(&server, MASTER, "DELETE", &format!("/v1/jobs/{id}"), "").await.status, 204);

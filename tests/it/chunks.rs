@@ -9,7 +9,9 @@ use std::time::Duration;
 
 use bytes::Bytes;
 use fretwork_job::{Cost, FailureKind, JobState, Origin, Submission};
-use fretwork_store::{Actor, Claimed, Deleted, Error, Finish, NewJob, Piece, Recovered, Store};
+use fretwork_store::{
+    Actor, Claimed, Deleted, Error, Finish, NewJob, Piece, Reach, Recovered, Store,
+};
 use sqlx::Executor as _;
 use tokio::sync::Semaphore;
 use tokio::task::JoinSet;
@@ -329,7 +331,7 @@ async fn chunks_are_deleted_after_their_study_has_ended(on: Engine) {
             store.finish(&assembly, &answer("a"), Cost::ZERO).await.unwrap();
         }
         if matches!(claimed.piece, Piece::Chunk { number: 2, of: 3 }) {
-            let job = store.live_job(&claimed.key, None).await.unwrap().unwrap();
+            let job = store.live_job(&claimed.key, &Reach::default()).await.unwrap().unwrap();
             cancel(&store, job).await;
             canceled.push(job);
         }

@@ -359,7 +359,7 @@ fn helps() -> BTreeMap<String, String> {
     let names = commands.filter_map(|line| line.split_whitespace().next());
     let mut all: BTreeMap<_, _> =
         names.filter(|name| *name != "help").map(|name| (name.to_owned(), help(&[name]))).collect();
-    let keys = ["add", "list", "revoke"].map(|name| help(&["keys", name])).concat();
+    let keys = ["add", "list", "revoke", "share-names"].map(|name| help(&["keys", name])).concat();
     all.get_mut("keys").unwrap().push_str(&keys);
     all.insert(String::new(), main);
     all

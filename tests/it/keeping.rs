@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use fretwork_job::{Answer, Cost, Job, JobState, Origin};
 use fretwork_store::{
-    Actor, Changed, Claimed, Deleted, Editor, Error, Filter, NewJob, Options, Repeatable, Store,
-    StoredResult, Submitted,
+    Actor, Changed, Claimed, Deleted, Error, Filter, NewJob, Options, Reach, Repeatable, Seen,
+    Store, StoredResult, Submitted,
 };
 use serde_json::json;
 use sqlx::{Connection as _, Executor as _};
@@ -275,7 +275,7 @@ async fn the_least_recently_read_result_is_evicted_unless_it_is_pinned() {
         // Times of reading have a resolution of 1 ms.
         sleep(Duration::from_millis(5)).await;
     }
-    let ada = || Editor { owner: "ada".into(), may_change_all: false };
+    let ada = || Reach { owner: "ada".into(), jobs: Seen::Shared };
     assert_eq!(store.pin(&key(0), true, ada()).await.unwrap(), Changed::Done);
     body(&store, 1).await;
     sleep(Duration::from_millis(5)).await;

@@ -1,12 +1,11 @@
 //! The library of results: search, provenance, notes, deletion and comparison.
 
 use std::collections::HashSet;
-use std::sync::Arc;
 use std::time::Duration;
 
-use fretwork::http::{Access, Origins, Secret, Settings};
-use fretwork_job::{SCALARS, Task, WORDS};
-use fretwork_store::{Administration, Cursor, NewKey, Options, Role, Search};
+use fretwork::http::Origins;
+use fretwork_job::{SCALARS, WORDS};
+use fretwork_store::{Cursor, Search};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use sqlx::{Connection as _, Executor as _, Row as _};
@@ -733,39 +732,4 @@ async fn computing_a_result_again_restores_its_search_values() {
         entry
     };
     assert_eq!(of_key(&found), of_key(&whole));
-}
-
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn labels_and_tags_of_other_owners_cannot_be_searched() {
-    let admin = "the-administrator-who-sees-all-jobs";
-    let access = Access { admin_key: Some(Secret(admin.into())), ..Access::default() };
-    let settings = Settings { access, ..Settings::default() };
-    let server = Server::with(Arc::new(Task::start), &settings, &Options::default()).await;
-    let mut administration = Administration::open(server.place()).await.unwrap();
-    let mut owners = Vec::new();
-    for name in ["anna", "ben"] {
-        let name = name.to_owned();
-        let new = NewKey { name, role: Role::Submit, per_minute: None, expires: None };
-        owners.push(format!("Bearer {}", administration.add_key(&new).await.unwrap()));
-    }
-    administration.close().await.unwrap();
-    let mut body = ball(1.0);
-    body["label"] = json!("secret");
-    body["tags"] = json!(["order-7"]);
-    let headers = [JSON, ("Authorization", owners[0].as_str()), ("Prefer", "wait=60")];
-    let job = server.send("POST", "/v1/jobs", &headers, body.to_string()).await.json();
-    assert_eq!(job["state"], "succeeded", "{job}");
-    let everything = format!("Bearer {admin}");
-    for (who, query, count) in [
-        (&owners[0], "label=secret", 1),
-        (&owners[0], "tag=order-7", 1),
-        (&everything, "label=secret", 1),
-        (&owners[1], "", 1),
-        (&owners[1], "label=secret", 0),
-        (&owners[1], "tag=order-7", 0),
-    ] {
-        let headers = [("Authorization", who.as_str())];
-        let found = server.send("GET", &format!("/v1/results?{query}"), &headers, "").await.json();
-        assert_eq!(found["results"].as_array().map(Vec::len), Some(count), "{query}: {found}");
-    }
 }

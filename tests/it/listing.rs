@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use fretwork_job::{Cost, JobId, Naming};
-use fretwork_store::{Editor, Filter, NewJob, Search, Store};
+use fretwork_store::{Actor, Annotator, Filter, NewJob, Reach, Search, Seen, Store};
 use serde_json::{Value, json};
 
 use crate::database::{Database, Engine};
@@ -18,10 +18,10 @@ on_both! {
     a_submitter_finds_the_results_that_others_computed,
 }
 
-/// Submits a job with this label and these tags, and computes its result.
+/// Submits a private job of ada with this label and these tags, and computes its result.
 async fn computed(store: &Store, number: u8, label: &str, tags: &[&str]) -> JobId {
     let tags = tags.iter().map(|tag| String::from(*tag)).collect();
-    let named = NewJob { label: Some(label.to_owned()), tags, ..new_job(number) };
+    let named = NewJob { label: Some(label.to_owned()), tags, private: true, ..new_job(number) };
     let id = accepted(store.submit(named).await).id;
     if !job(store, id).await.state.is_finished() {
         let claimed = claim(store).await;
@@ -30,14 +30,24 @@ async fn computed(store: &Store, number: u8, label: &str, tags: &[&str]) -> JobI
     id
 }
 
+/// What an owner sees; for `None`, what an administrator sees.
+pub fn reach(owner: Option<&str>) -> Reach {
+    let jobs = if owner.is_some() { Seen::Shared } else { Seen::All };
+    Reach { owner: owner.unwrap_or("chief").to_owned(), jobs }
+}
+
+/// A user who changes notes.
+pub fn annotator(name: &str) -> Annotator {
+    let by = Actor { name: name.to_owned(), key: format!("key of {name}") };
+    Annotator { by, private: false, read: None }
+}
+
 /// The ids of the jobs and the keys of the results that have these words. Both lists have the total that is counted.
-async fn found(store: &Store, words: &str, owner: Option<&str>) -> (Vec<JobId>, Vec<u8>) {
-    let own = owner.map(str::to_owned);
-    let filter = Filter { words: words.parse().unwrap(), owner: own, ..Filter::default() };
+pub async fn found(store: &Store, words: &str, owner: Option<&str>) -> (Vec<JobId>, Vec<u8>) {
+    let filter = Filter { words: words.parse().unwrap(), reach: reach(owner), ..Filter::default() };
     let jobs = store.jobs(&filter, None, 10).await.unwrap().jobs;
     assert_eq!(store.count_jobs(&filter).await.unwrap(), jobs.len() as u64, "{words}");
-    let mut search = Search::default();
-    search.only_jobs_of(owner);
+    let mut search = Search::within(reach(owner));
     search.set("q", words).unwrap();
     let results = store.search(&search, None, 10).await.unwrap().results;
     assert_eq!(store.count(&search).await.unwrap(), results.len() as u64, "{words}");
@@ -49,9 +59,8 @@ async fn every_word_must_occur_in_labels_tags_or_notes(on: Engine) {
     let (_db, store) = Database::fresh(on).await;
     let first = computed(&store, 1, "Straße ÄRMEL 3.5 µm", &["rig-7"]).await;
     let second = computed(&store, 2, "100% [dry] a*b ^up c\\d", &["Rig-8", "oil"]).await;
-    let editor = Editor { owner: "ada".into(), may_change_all: false };
     let note = "Agrees with the rig.\nRead twice.".to_owned();
-    store.annotate(&key(2), Some(note), editor).await.unwrap();
+    store.annotate(&key(2), Some(note), annotator("ada")).await.unwrap();
     for (words, jobs, results) in [
         ("", vec![second, first], vec![2, 1]),
         ("rig", vec![second, first], vec![2, 1]),
@@ -78,8 +87,9 @@ async fn every_word_must_occur_in_labels_tags_or_notes(on: Engine) {
     ] {
         assert_eq!(found(&store, words, None).await, (jobs, results), "{words}");
     }
-    // Other owners find the result by its note only.
+    // Other owners find the result by its note only, and not together with a private tag.
     assert_eq!(found(&store, "twice", Some("bob")).await, (vec![], vec![2]));
+    assert_eq!(found(&store, "oil twice", Some("bob")).await, (vec![], vec![]));
     assert_eq!(found(&store, "oil", Some("bob")).await, (vec![], vec![]));
     assert_eq!(found(&store, "oil", Some("ada")).await, (vec![second], vec![2]));
 }
@@ -92,40 +102,52 @@ async fn a_new_name_replaces_the_label_and_the_tags(on: Engine) {
         let filter = Filter { tag: Some(tag.to_owned()), ..Filter::default() };
         store.count_jobs(&filter).await.unwrap()
     };
+    let by = || annotator("ada").by;
+    let named = |label: Option<Option<&str>>, tags| {
+        let label = label.map(|label| label.map(str::to_owned));
+        Naming { label, tags, private: None }
+    };
     for (naming, label, left) in [
-        (Naming { label: Some(Some("final".into())), tags: None }, Some("final"), [1, 1, 0]),
-        (Naming { label: None, tags: tags(&["b", "c", "b"]) }, Some("final"), [0, 1, 1]),
-        (Naming { label: Some(None), tags: tags(&[]) }, None, [0, 0, 0]),
+        (named(Some(Some("final")), None), Some("final"), [1, 1, 0]),
+        (named(None, tags(&["b", "c", "b"])), Some("final"), [0, 1, 1]),
+        (named(Some(None), tags(&[])), None, [0, 0, 0]),
         (Naming::default(), None, [0, 0, 0]),
     ] {
-        let renamed = store.rename(id, naming.clone()).await.unwrap().unwrap();
+        let renamed = store.rename(id, naming.clone(), by()).await.unwrap().unwrap();
         assert_eq!(renamed, job(&store, id).await);
         assert_eq!(renamed.label.as_deref(), label, "{naming:?}");
         assert_eq!([tagged("a").await, tagged("b").await, tagged("c").await], left, "{naming:?}");
     }
-    assert_eq!(store.rename(JobId::generate(), Naming::default()).await.unwrap(), None);
+    assert_eq!(store.rename(JobId::generate(), Naming::default(), by()).await.unwrap(), None);
 }
 
 async fn a_result_is_listed_with_its_latest_label(on: Engine) {
     let (_db, store) = Database::fresh(on).await;
     let first = computed(&store, 1, "first", &["x"]).await;
     let named = async |owner: Option<&str>| {
-        let mut search = Search::default();
-        search.only_jobs_of(owner);
+        let search = Search::within(reach(owner));
         let mut results = store.search(&search, None, 10).await.unwrap().results;
         results.pop().unwrap().named.map(|named| (named.job, named.label, named.tags))
     };
     let is = |id, label: &str, tag: &str| Some((id, Some(label.into()), vec![tag.into()]));
     assert_eq!(named(None).await, is(first, "first", "x"));
     // A later job without a label does not hide the label.
-    let plain = accepted(store.submit(new_job(1)).await).id;
+    let plain = accepted(store.submit(NewJob { private: true, ..new_job(1) }).await).id;
     assert_eq!(named(None).await, is(first, "first", "x"));
     let second = computed(&store, 1, "second", &["y"]).await;
     assert_eq!(named(None).await, is(second, "second", "y"));
     assert_eq!(named(Some("bob")).await, None);
-    let unnamed = Naming { label: Some(None), tags: None };
+    // Who sees the names of others sees an own name first.
+    let (owner, label, tags) = ("bob".to_owned(), Some("bob's".to_owned()), vec!["z".to_owned()]);
+    let shared = NewJob { owner, label, tags, ..new_job(1) };
+    let shared = accepted(store.submit(shared).await).id;
+    assert_eq!(named(Some("carl")).await, is(shared, "bob's", "z"));
+    assert_eq!(named(None).await, is(shared, "bob's", "z"));
+    assert_eq!(named(Some("ada")).await, is(second, "second", "y"));
+    store.delete(shared, annotator("bob").by).await.unwrap();
+    let unnamed = Naming { label: Some(None), ..Naming::default() };
     for id in [first, second] {
-        store.rename(id, unnamed.clone()).await.unwrap();
+        store.rename(id, unnamed.clone(), annotator("ada").by).await.unwrap();
     }
     assert_eq!(named(Some("ada")).await, Some((second, None, vec!["y".into()])));
     assert_ne!(plain, second);
@@ -136,11 +158,10 @@ async fn a_submitter_finds_the_results_that_others_computed(on: Engine) {
     for number in [1, 2] {
         computed(&store, number, "first", &[]).await;
     }
-    let cached = NewJob { owner: "bob".into(), ..new_job(1) };
+    let cached = NewJob { owner: "bob".into(), private: true, ..new_job(1) };
     assert!(accepted(store.submit(cached).await).state.is_finished());
-    let submitted = async |by: &str, reach: Option<&str>| {
-        let mut search = Search::default();
-        search.only_jobs_of(reach);
+    let submitted = async |by: &str, who: Option<&str>| {
+        let mut search = Search::within(reach(who));
         search.set("submitted_by", by).unwrap();
         let results = store.search(&search, None, 10).await.unwrap().results;
         assert_eq!(store.count(&search).await.unwrap(), results.len() as u64);
@@ -153,12 +174,12 @@ async fn a_submitter_finds_the_results_that_others_computed(on: Engine) {
 }
 
 /// The text of an answer, which may be chunked.
-fn text(reply: &Reply) -> String {
+pub fn text(reply: &Reply) -> String {
     String::from_utf8(unpacked(reply)).unwrap()
 }
 
 /// The rows of CSV, without its comments. The texts of the tests contain no line breaks.
-fn rows(text: &str) -> Vec<String> {
+pub fn rows(text: &str) -> Vec<String> {
     text.lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect()
 }
 

@@ -71,6 +71,7 @@ mod rooms;
 mod rule;
 mod schema;
 mod server;
+mod shared_names;
 mod sign_in;
 mod so_far;
 mod store;

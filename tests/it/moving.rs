@@ -601,7 +601,8 @@ async fn export_import_backup_and_restore_report_results_and_errors() {
     let mut administration = Administration::open(server.place()).await.unwrap();
     for name in ["anna", "ben"] {
         let name = name.to_owned();
-        let new = NewKey { name, role: Role::Read, per_minute: None, expires: None };
+        let new =
+            NewKey { name, role: Role::Read, per_minute: None, expires: None, private: false };
         administration.add_key(&new).await.unwrap();
     }
     administration.revoke_keys("ben").await.unwrap();

@@ -385,15 +385,25 @@ async fn only_callers_who_may_read_a_job_see_its_label() {
     let (id, result) = (&job["id"], job["links"]["result"].as_str().unwrap());
     let address = format!("{result}/report");
     let own = get(&server, &anna, &address).await;
-    assert!(own.text().contains("Anna's ball") && own.text().contains("2.256 um"));
+    let typed = "&quot;2.256 um&quot;";
+    assert!(own.text().contains("Anna's ball") && own.text().contains(typed));
     let link = ask(&server, &anna, "POST", &format!("{result}/links"), "").await.json();
     let (_, link) = link["url"].as_str().unwrap().split_once('?').unwrap();
     let linked = server.get(&format!("{address}?{link}")).await;
-    let others = get(&server, &berta, &format!("{address}?job={}", id.as_str().unwrap())).await;
-    for reply in [&linked, &others] {
+    let query = format!("{address}?job={}", id.as_str().unwrap());
+    let others = get(&server, &berta, &query).await;
+    let hide = json!({"private": true}).to_string();
+    let hidden =
+        ask(&server, &anna, "PATCH", &format!("/v1/jobs/{}", id.as_str().unwrap()), &hide).await;
+    assert_eq!(hidden.status, 200);
+    let private = [get(&server, &berta, &query).await, get(&server, &berta, &address).await];
+    for (reply, is_named) in
+        [(&linked, false), (&others, true), (&private[0], false), (&private[1], false)]
+    {
         assert_eq!(reply.status, 200, "{}", reply.text());
-        // The inputs are those of the result.
-        assert!(!reply.text().contains("Anna") && reply.text().contains("2.256\u{a0}µm"));
+        // The inputs are those of the result, and not as anna has typed them.
+        assert_eq!(reply.text().contains("Anna"), is_named);
+        assert!(reply.text().contains("2.256\u{a0}µm") && !reply.text().contains(typed));
     }
     let key = job["key"].as_str().unwrap();
     let both = server.get(&format!("{address}?with={key}&{link}")).await;

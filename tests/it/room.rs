@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use fretwork_store::{Actor, Changed, Editor, Options, Removed, Store};
+use fretwork_store::{Actor, Changed, Options, Reach, Removed, Seen, Store};
 use serde_json::Value;
 use sqlx::Executor as _;
 use tempfile::TempDir;
@@ -134,7 +134,7 @@ async fn pinned_results_stay_when_jobs_and_other_results_are_deleted() {
     let options = Options { budget: Some(2 << 20), ..Options::default() };
     let store = Store::open(dir.path().into(), &options).await.unwrap();
     let first = compute(&store, 0, 400_000).await;
-    let ada = Editor { owner: "ada".into(), may_change_all: false };
+    let ada = Reach { owner: "ada".into(), jobs: Seen::Shared };
     assert_eq!(store.pin(&key(0), true, ada).await.unwrap(), Changed::Done);
     for number in 1..50 {
         compute(&store, number, 400_000).await;

@@ -10,7 +10,7 @@ use std::time::Duration;
 use fretwork_job::{Answer, Cost, FailureKind, Job, JobId, JobState, Key, Origin};
 use fretwork_store::{
     Actor, Administration, Admission, Answered, Canceled, Claimed, Deleted, Error, Filter, Finish,
-    NewJob, Options, Owners, Piece, Recovered, RunId, Store, StoredResult, Submitted,
+    NewJob, Options, Owners, Piece, Reach, Recovered, RunId, Seen, Store, StoredResult, Submitted,
 };
 use proptest::prelude::*;
 use proptest::sample::{Index, subsequence};
@@ -39,6 +39,7 @@ pub fn new_job(number: u8) -> NewJob {
         priority: 3,
         label: None,
         tags: vec![],
+        private: false,
         warnings: vec![],
         submission_warnings: vec![],
         repeatable: None,
@@ -166,7 +167,7 @@ async fn sixty_four_equal_submissions_share_one_run(on: Engine) {
         assert!(job.started >= Some(job.created) && job.finished >= job.started);
     }
     assert_eq!(body(&store, 1).await, b"a");
-    assert_eq!(store.live_job(&key(1), None).await.unwrap(), None);
+    assert_eq!(store.live_job(&key(1), &Reach::default()).await.unwrap(), None);
 }
 
 async fn a_known_result_finishes_a_job_without_a_run(on: Engine) {
@@ -540,13 +541,14 @@ async fn a_wait_ends_when_the_job_ends_or_at_the_deadline(on: Engine) {
 
 async fn the_live_job_of_a_key_is_the_oldest_unfinished_one(on: Engine) {
     let (_db, store) = Database::fresh(on).await;
-    assert_eq!(store.live_job(&key(1), None).await.unwrap(), None);
+    assert_eq!(store.live_job(&key(1), &Reach::default()).await.unwrap(), None);
     let first = accepted(store.submit(new_job(1)).await);
     let second = accepted(store.submit(new_job(1)).await);
-    assert_eq!(store.live_job(&key(1), None).await.unwrap(), Some(first.id));
+    assert_eq!(store.live_job(&key(1), &Reach::default()).await.unwrap(), Some(first.id));
     cancel(&store, first.id).await;
-    assert_eq!(store.live_job(&key(1), None).await.unwrap(), Some(second.id));
-    assert_eq!(store.live_job(&key(1), Some("somebody")).await.unwrap(), None);
+    assert_eq!(store.live_job(&key(1), &Reach::default()).await.unwrap(), Some(second.id));
+    let own = Reach { owner: "somebody".into(), jobs: Seen::Own };
+    assert_eq!(store.live_job(&key(1), &own).await.unwrap(), None);
 }
 
 #[tokio::test]

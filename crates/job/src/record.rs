@@ -130,6 +130,8 @@ pub struct Job {
     pub label: Option<String>,
     /// Words to find it by.
     pub tags: Vec<String>,
+    /// Whether only its owner and administrators see it.
+    pub private: bool,
     /// Warnings about the physics, as a JSON array.
     pub warnings: Value,
     /// When it was submitted. Times are in milliseconds since 1970.

@@ -16,7 +16,7 @@ pub const MAX_TAG: usize = 80;
 /// Longest submitted scenario that is stored, in bytes of compact JSON.
 pub const MAX_SUBMITTED: usize = 64 << 10;
 
-/// A valid job body: `{"scenario": {…}, "label"?, "tags"?}`, or a study in place of the scenario.
+/// A valid job body: `{"scenario": {…}, "label"?, "tags"?, "private"?}`, or a study in place of the scenario.
 #[derive(Debug, Clone)]
 pub struct Submission {
     /// What to compute.
@@ -28,6 +28,8 @@ pub struct Submission {
     pub label: Option<String>,
     /// Words to find the job by.
     pub tags: Vec<String>,
+    /// Whether only the owner and administrators see the job; `None` if the client does not say.
+    pub private: Option<bool>,
 }
 
 impl Submission {
@@ -43,23 +45,27 @@ impl Submission {
         let (kind, asked) = take_asked(&mut body)?;
         let envelope = typed::<Envelope>(body);
         let submitted = Some(asked.to_string()).filter(|text| text.len() <= MAX_SUBMITTED);
-        let (Envelope { label, tags }, prepared) = both(envelope, Prepared::read(kind, asked))?;
+        let (Envelope { label, tags, private }, prepared) =
+            both(envelope, Prepared::read(kind, asked))?;
         Ok(Self {
             prepared,
             submitted,
             label: label.0.map(|label| label.0),
             tags: tags.0.map_or_else(Vec::new, texts),
+            private: private.0,
         })
     }
 }
 
-/// A change of the label and the tags of a job: `{"label"?, "tags"?}`.
+/// A change of the label, the tags and the privacy of a job: `{"label"?, "tags"?, "private"?}`.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Naming {
     /// The new label, or `None` in place of a label; `None` if it does not change.
     pub label: Option<Option<String>>,
     /// The new tags; `None` if they do not change.
     pub tags: Option<Vec<String>>,
+    /// Whether only the owner and administrators see the job; `None` if that does not change.
+    pub private: Option<bool>,
 }
 
 impl Naming {
@@ -73,11 +79,12 @@ impl Naming {
             let removed = members.and_then(|members| {
                 members.get("label").is_some_and(Value::is_null).then(|| members.remove("label"))
             });
-            let Envelope { label, tags } = typed(body)?;
+            let Envelope { label, tags, private } = typed(body)?;
             let label = label.0.map(|label| label.0);
             Ok(Self {
                 label: if removed.is_some() { Some(None) } else { label.map(Some) },
                 tags: tags.0.map(texts),
+                private: private.0,
             })
         })
     }
@@ -124,6 +131,8 @@ struct Envelope {
     label: Given<Text<MAX_LABEL>>,
     #[deserr(default)]
     tags: Given<Distinct<Text<MAX_TAG>, MAX_TAGS>>,
+    #[deserr(default)]
+    private: Given<bool>,
 }
 
 /// A text of 1 to `N` characters, none of them a control character.

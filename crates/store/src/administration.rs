@@ -8,6 +8,7 @@ use sqlx::{Connection as _, SqliteConnection};
 use crate::database::{
     Change, Columns, Command, Connected, Connection, Place, Result, Tables, Verb, sql,
 };
+use crate::jobs::naming;
 use crate::team::audit::{self, Actor, AuditEntry};
 use crate::team::keys::{self, AccessKey, NewKey};
 use crate::{postgres, sqlite};
@@ -81,6 +82,19 @@ impl Administration {
     pub fn revoke_keys<'a>(&'a mut self, name: &'a str) -> Command<'a, usize> {
         let input = (name.to_owned(), Actor::of_process());
         Box::pin(async move { self.change(keys::revoke, &input).await })
+    }
+
+    /// Shares the names that an owner gave before names were shared, or gives its names to another owner. Returns the number
+    /// of jobs and notes.
+    pub fn pass_names_on(&mut self, from: &str, to: Option<&str>) -> Command<'_, u64> {
+        let input = (from.to_owned(), to.map(str::to_owned), Actor::of_process());
+        Box::pin(async move {
+            let mut count = 0;
+            while let passed @ 1.. = self.change(naming::pass_on, &input).await? {
+                count += passed;
+            }
+            Ok(count)
+        })
     }
 
     /// Executes a verb in a transaction of its own.

@@ -38,6 +38,7 @@ pub use database::body::Body;
 pub use database::error::{Command, Doing, Error, Result};
 pub use database::options::{FileSizes, Options, Recovered};
 pub use database::place::{DatabaseUrl, Place};
+pub use database::reach::{Reach, Seen};
 pub use database::row::RunId;
 pub use database::signals::{Changes, Deletions, Stop};
 pub use database::tally::Tally;
@@ -51,9 +52,10 @@ pub use moving::{
     Accepted, Checked, Damage, Exported, Imported, Importer, MAX_BODY, Moving, Repaired, Saved,
     UntrustedResult, backup, check, export, note_backup, repair, restore,
 };
-pub use results::library::{FromFile, Known, Note, Program, Provenance};
+pub use results::library::{FromFile, Known, Program, Provenance};
+pub use results::notes::{Annotated, Annotator, Note};
 pub use results::search::{Cursor, Listed, Search, SearchPage};
-pub use results::storing::{Answered, Changed, Editor, Finish, Removed};
+pub use results::storing::{Answered, Changed, Finish, Removed};
 pub use store::Store;
 pub use team::audit::{Act, Actor, AuditEntry};
 pub use team::keys::{AccessKey, NewKey, Role, digest};

@@ -12,7 +12,8 @@ use futures_util::{StreamExt as _, TryStreamExt as _};
 use crate::database::usage::Owners;
 use crate::database::{
     Change, Changes, Columns, Command, Deletions, Doing, Error, FileSizes, Most, Options, Place,
-    Purpose, Recovered, Result, Row, SharedVerb, Signals, Statement, Sum, Tables, Tally, Verb, sql,
+    Purpose, Reach, Recovered, Result, Row, SharedVerb, Signals, Statement, Sum, Tables, Tally,
+    Verb, sql,
 };
 use crate::jobs::cancel::{self, Canceled, Deleted};
 use crate::jobs::claimed::{Claimed, FinishedChunk, Piece};
@@ -20,8 +21,9 @@ use crate::jobs::naming;
 use crate::jobs::read::{self, Asked, Filter, LARGE, Page, StoredResult, Unfinished};
 use crate::jobs::submit::{Admission, NewJob, Submitted};
 use crate::results::library::{Known, Provenance};
+use crate::results::notes::{self, Annotated, Annotator};
 use crate::results::search::{self, Cursor, Search, SearchPage};
-use crate::results::storing::{self, Answered, Changed, Editor, Finish, PinQuota, Removed};
+use crate::results::storing::{self, Answered, Changed, Finish, PinQuota, Removed};
 use crate::team::audit::{self, Actor, AuditEntry};
 use crate::team::keys::{self, AccessKey, NewKey};
 use crate::team::sessions::{self, SignedIn};
@@ -318,9 +320,9 @@ impl Store {
         Box::pin(self.change(cancel::delete, (id, by)))
     }
 
-    /// Changes the label and the tags of a job. Returns the job; `None` if there is none.
-    pub fn rename(&self, id: JobId, naming: Naming) -> Doing<'_, Option<Job>> {
-        Box::pin(self.change(naming::rename, (id, naming)))
+    /// Changes the label, the tags and the privacy of a job. Returns the job; `None` if there is none.
+    pub fn rename(&self, id: JobId, naming: Naming, by: Actor) -> Doing<'_, Option<Job>> {
+        Box::pin(self.change(naming::rename, (id, naming, by)))
     }
 
     /// A job in its current state.
@@ -401,13 +403,9 @@ impl Store {
         Box::pin(read::has_result(key, self.reading()))
     }
 
-    /// The oldest unfinished job of the live run of a key. With an owner, the oldest of that owner.
-    pub fn live_job<'a>(
-        &'a self,
-        key: &'a Key,
-        owner: Option<&'a str>,
-    ) -> Doing<'a, Option<JobId>> {
-        Box::pin(read::live_job(key, owner, self.reading()))
+    /// The oldest unfinished job within reach of the live run of a key.
+    pub fn live_job<'a>(&'a self, key: &'a Key, reach: &'a Reach) -> Doing<'a, Option<JobId>> {
+        Box::pin(read::live_job(key, reach, self.reading()))
     }
 
     /// The time that the oldest queued run has waited.
@@ -451,13 +449,13 @@ impl Store {
         }
     }
 
-    /// The provenance of a result.
-    pub fn provenance<'a>(&'a self, key: &'a Key) -> Doing<'a, Option<Provenance>> {
-        Box::pin(Provenance::of(key, self.reading()))
+    /// The provenance of a result, with the note that this owner sees.
+    pub fn provenance<'a>(&'a self, key: &'a Key, who: &'a str) -> Doing<'a, Option<Provenance>> {
+        Box::pin(Provenance::of(key, who, self.reading()))
     }
 
     /// Pins a result, which is then never evicted, or unpins it.
-    pub fn pin<'a>(&'a self, key: &'a Key, pinned: bool, editor: Editor) -> Doing<'a, Changed> {
+    pub fn pin<'a>(&'a self, key: &'a Key, pinned: bool, editor: Reach) -> Doing<'a, Changed> {
         Box::pin(self.change(storing::pin, (*key, pinned, editor, self.pin_quota)))
     }
 
@@ -466,9 +464,9 @@ impl Store {
         &'a self,
         key: &'a Key,
         text: Option<String>,
-        editor: Editor,
-    ) -> Doing<'a, Changed> {
-        Box::pin(self.change(storing::annotate, (*key, text, editor)))
+        annotator: Annotator,
+    ) -> Doing<'a, Annotated> {
+        Box::pin(self.change(notes::annotate, (*key, text, annotator)))
     }
 
     /// Deletes the body of a result, and keeps its scenario.

@@ -12,7 +12,7 @@ use uuid::Uuid;
 
 use super::limits::Standing;
 use super::signed_link::ADMIN;
-use fretwork_store::{Actor, Editor, Role, SignedIn};
+use fretwork_store::{Actor, Reach, Role, Seen, SignedIn};
 
 /// The client of a request: the name of its network, which owns the jobs of a client without a key.
 #[derive(Debug, Clone)]
@@ -49,6 +49,8 @@ pub struct Identity {
     pub role: Role,
     /// The public id of the key.
     pub key: String,
+    /// Whether the names that the caller gives are private.
+    pub private: bool,
     /// The key with which a browser can sign in; `None` for a link or a user of a sign-on proxy.
     pub credential: Option<SignedIn>,
     /// The digest of the token of the session, if the request has a cookie in place of the key.
@@ -119,6 +121,9 @@ fn is_traceparent(text: &str) -> bool {
         && parts[1..3].iter().all(|id| id.bytes().any(|b| b != b'0'))
 }
 
+/// The owner of the requests with a signed link. No key can have this name.
+pub const LINK_HOLDER: &str = "a link";
+
 /// In filters by owner, this word means the caller. No key can have this name.
 pub const ME: &str = "me";
 
@@ -142,6 +147,8 @@ pub struct Caller {
     pub role: Role,
     /// The public id of the key; `None` on a server without keys.
     pub key: Option<String>,
+    /// Whether the names that the caller gives are private.
+    pub private: bool,
     /// The remaining requests, if the key has a limit.
     pub standing: Option<Standing>,
     /// The ids of the request. A job stores them as text: the request id, a blank, the `traceparent`.
@@ -149,15 +156,15 @@ pub struct Caller {
 }
 
 impl Caller {
-    /// The owner whose jobs the caller may see and change; `None` for all owners. On a server without
-    /// keys every caller may see all jobs.
-    pub fn reach(&self) -> Option<&str> {
-        (self.role != Role::Admin).then_some(&self.owner)
-    }
-
-    /// The caller as the editor of a pin or a note: the store checks whether it may change them.
-    pub fn editor(&self) -> Editor {
-        Editor { owner: self.owner.clone(), may_change_all: self.role == Role::Admin }
+    /// What the caller sees. The holder of a link sees no names. On a server without keys every caller sees and changes all
+    /// jobs.
+    pub fn reach(&self) -> Reach {
+        let jobs = match self.role {
+            Role::Admin => Seen::All,
+            _ if self.owner == LINK_HOLDER => Seen::Own,
+            _ => Seen::Shared,
+        };
+        Reach { owner: self.owner.clone(), jobs }
     }
 
     /// The caller, as the audit log names it.
@@ -165,11 +172,9 @@ impl Caller {
         Actor { name: self.owner.clone(), key: self.key.clone().unwrap_or_default() }
     }
 
-    /// The owner with this name, or the caller for `me`. `None` if the caller may not see the jobs of that owner.
-    pub fn owner_named(&self, name: &str) -> Option<String> {
-        let owner = if name == ME { &self.owner } else { name };
-        let seen = self.reach().is_none_or(|own| own == owner);
-        (seen && !owner.is_empty()).then(|| owner.to_owned())
+    /// The owner with this name, or the caller for `me`.
+    pub fn owner_named(&self, name: String) -> String {
+        if name == ME { self.owner.clone() } else { name }
     }
 }
 
@@ -196,13 +201,13 @@ impl<S: Sync> FromRequestParts<S> for Caller {
 
     async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Infallible> {
         let owner = owner_of(&parts.extensions);
-        let (role, key) = match parts.extensions.get::<Identity>() {
-            Some(Identity { role, key, .. }) => (*role, Some(key.clone())),
-            None => (Role::Admin, None),
+        let (role, key, private) = match parts.extensions.get::<Identity>() {
+            Some(Identity { role, key, private, .. }) => (*role, Some(key.clone()), *private),
+            None => (Role::Admin, None, false),
         };
         let standing = parts.extensions.get::<Standing>().copied();
         let trace = parts.extensions.get::<Trace>().cloned();
-        Ok(Self { owner, role, key, standing, trace })
+        Ok(Self { owner, role, key, private, standing, trace })
     }
 }
 

@@ -11,7 +11,7 @@ use data_encoding::BASE64;
 use subtle::ConstantTimeEq as _;
 use tokio::sync::OnceCell;
 
-use super::caller::Identity;
+use super::caller::{Identity, LINK_HOLDER};
 use super::keyring::{Keyring, MAX_AGE, Usage};
 use super::limits::{Limits, OpenRequest};
 use super::needs::{Needs, Quota, RouteNeeds};
@@ -23,9 +23,6 @@ use crate::http::problem::{Problem, Result, kinds};
 use crate::http::wire::instant;
 use fretwork_job::clock::now;
 use fretwork_store::{AccessKey, Actor, Role, SignedIn, Store, digest};
-
-/// The owner of the requests with a signed link. No key can have this name.
-pub const LINK_HOLDER: &str = "a link";
 
 /// Settings of access control.
 #[derive(Debug, Clone, Default)]
@@ -219,7 +216,8 @@ impl Gate {
         // No key can have this name, so the caller owns no jobs.
         let owner = LINK_HOLDER.to_owned();
         let (role, key) = (Role::Read, link.issuer);
-        let identity = Identity { owner, role, key, credential: None, session: None };
+        let private = false;
+        let identity = Identity { owner, role, key, private, credential: None, session: None };
         Ok(Admitted { identity: Some(identity), open_request, link: Some(link.left) })
     }
 
@@ -274,8 +272,8 @@ impl Gate {
         let refused = |reason: &str| refused(headers, session.is_some(), reason);
         let (now, SignedIn { key: known, key_digest }) = (now(), credential);
         let admin = self.admin.as_ref().filter(|admin| key_digest.ct_eq(&admin.digest).into());
-        let (owner, role, key, usage) = if let Some(admin) = admin {
-            (ADMIN.to_owned(), Role::Admin, ADMIN.to_owned(), Arc::clone(&admin.usage))
+        let (owner, role, key, private, usage) = if let Some(admin) = admin {
+            (ADMIN.to_owned(), Role::Admin, ADMIN.to_owned(), false, Arc::clone(&admin.usage))
         } else {
             let unknown = || {
                 refused(
@@ -289,13 +287,13 @@ impl Gate {
             if let Some(reason) = invalid(&holder.key, now) {
                 return Err(refused(&reason));
             }
-            let AccessKey { id, name, role, .. } = &holder.key;
-            (name.clone(), *role, id.clone(), Arc::clone(&holder.usage))
+            let AccessKey { id, name, role, private, .. } = &holder.key;
+            (name.clone(), *role, id.clone(), *private, Arc::clone(&holder.usage))
         };
         let actor = || Actor { name: owner.clone(), key: key.clone() };
         self.keyring.record_use(&usage, now, actor);
         let credential = Some(SignedIn { key: key.clone(), key_digest });
-        Ok((Identity { owner, role, key, credential, session }, usage))
+        Ok((Identity { owner, role, key, private, credential, session }, usage))
     }
 
     /// Checks an accepted request once more. Returns the problem if the server would now refuse a request of this caller

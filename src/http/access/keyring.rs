@@ -170,7 +170,13 @@ mod tests {
     async fn a_wrong_secret_reads_the_keys_again_like_an_unknown_id() {
         let dir = TempDir::new().unwrap();
         let store = Store::open(dir.path().into(), &Options::default()).await.unwrap();
-        let new = NewKey { name: "anna".into(), role: Role::Read, per_minute: None, expires: None };
+        let new = NewKey {
+            name: "anna".into(),
+            role: Role::Read,
+            per_minute: None,
+            expires: None,
+            private: false,
+        };
         let (known, _) = store.add_key(new, Actor::default()).await.unwrap();
         let keyring = Keyring::new(&store, Limits::default());
         assert!(keyring.holders().await.unwrap().contains_key(&known));

@@ -13,5 +13,5 @@ pub mod session;
 pub mod sign_on;
 pub mod signed_link;
 
-pub use caller::Identity;
-pub use gate::{Access, Gate, LINK_HOLDER, check};
+pub use caller::{Identity, LINK_HOLDER};
+pub use gate::{Access, Gate, check};

@@ -75,8 +75,8 @@ impl Users {
         let usage = || Usage::new(self.limits, None);
         let usage = Arc::clone(self.usage.lock().entry(owner.to_owned()).or_insert_with(usage));
         let (owner, key) = (owner.to_owned(), SIGN_ON.to_owned());
-        let identity =
-            Identity { owner, role: self.settings.role, key, credential: None, session: None };
+        let (role, private) = (self.settings.role, false);
+        let identity = Identity { owner, role, key, private, credential: None, session: None };
         Ok(Some((identity, usage)))
     }
 }

@@ -97,7 +97,7 @@ impl Representation {
         };
         // The result is read after the lookup, so that `Memory` does not keep the answer if it is deleted meanwhile.
         match stored(app, &self.key).await? {
-            None => Err(missing(app, self.caller.reach(), &self.key).await),
+            None => Err(missing(app, &self.caller.reach(), &self.key).await),
             Some(Stored::Large(size)) => {
                 drop(making);
                 self.large(app, coding, size).await
@@ -187,7 +187,7 @@ impl Representation {
         turn: Option<LargeDocument>,
     ) -> Result<Encoded> {
         let Some(StoredResult::Whole(body)) = app.store.result(&self.key).await? else {
-            return Err(missing(app, self.caller.reach(), &self.key).await);
+            return Err(missing(app, &self.caller.reach(), &self.key).await);
         };
         let turn = if let Some(turn) = turn {
             turn

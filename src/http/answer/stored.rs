@@ -12,7 +12,7 @@ use crate::http::problem::{Problem, Result, kinds};
 use crate::http::shares::{LargeDocument, longest_wait};
 use crate::http::wire::instant;
 use fretwork_job::Key;
-use fretwork_store::{Body, Error, StoredResult};
+use fretwork_store::{Body, Error, Reach, StoredResult};
 
 /// A stored result.
 pub enum Stored {
@@ -48,7 +48,7 @@ pub async fn stored(app: &App, key: &Key) -> Result<Option<Stored>> {
 
 /// Checks that a result is stored. Otherwise, returns the problem. The problem links to the job that computes the
 /// result, if there is one that the caller may see.
-pub async fn require(app: &App, reach: Option<&str>, key: &Key) -> Result<()> {
+pub async fn require(app: &App, reach: &Reach, key: &Key) -> Result<()> {
     match app.store.small_result(key).await? {
         Some(StoredResult::Whole(_) | StoredResult::Large(_)) => Ok(()),
         Some(StoredResult::Evicted { .. }) | None => Err(missing(app, reach, key).await),
@@ -65,11 +65,11 @@ pub async fn document(app: &App, caller: &Caller, key: &Key) -> Result<Bytes> {
             return Ok(body.json().map_err(damaged)?);
         }
         Some(Stored::Large(_)) => {}
-        None => return Err(missing(app, caller.reach(), key).await),
+        None => return Err(missing(app, &caller.reach(), key).await),
     }
     let large = app.shares.large_document(longest_wait(), &caller.owner).await?;
     let Some(StoredResult::Whole(body)) = app.store.result(key).await? else {
-        return Err(missing(app, caller.reach(), key).await);
+        return Err(missing(app, &caller.reach(), key).await);
     };
     // The thread keeps the permission if the client disconnects.
     let read = move || Ok(Bytes::from_owner(Document { json: body.json()?, _large: large }));
@@ -78,7 +78,7 @@ pub async fn document(app: &App, caller: &Caller, key: &Key) -> Result<Bytes> {
 }
 
 /// The problem for a result that is not stored.
-pub async fn missing(app: &App, reach: Option<&str>, key: &Key) -> Problem {
+pub async fn missing(app: &App, reach: &Reach, key: &Key) -> Problem {
     let asked =
         async { Ok((app.store.small_result(key).await?, app.store.live_job(key, reach).await?)) };
     let (found, live) = match asked.await {

@@ -18,7 +18,7 @@ use crate::http::access::Identity;
 use crate::http::api::documents;
 use crate::http::{App, Caller, NoQuery, Result, Segment, instant};
 use fretwork_job::{Job, JobId, JobState};
-use fretwork_store::Changes;
+use fretwork_store::{Changes, Reach};
 
 /// The server sends a comment after this time without events, because proxies close silent connections.
 const KEEP_ALIVE: Duration = Duration::from_secs(15);
@@ -76,7 +76,8 @@ pub async fn follow(
     }
     let changes = app.store.watch(&job.key);
     let identity = identity.map(|Extension(identity)| identity);
-    let follower = Follower { app, id, identity, changes, seen, progress: -1.0 };
+    let reach = caller.reach();
+    let follower = Follower { app, id, reach, identity, changes, seen, progress: -1.0 };
     let events = Sse::new(follower.into_events()).keep_alive(KeepAlive::new().interval(KEEP_ALIVE));
     let buffering = HeaderName::from_static("x-accel-buffering");
     Ok(([(CACHE_CONTROL, "no-store"), (buffering, "no")], events).into_response())
@@ -86,6 +87,7 @@ pub async fn follow(
 struct Follower {
     app: App,
     id: JobId,
+    reach: Reach,
     /// The caller; `None` on a server without keys.
     identity: Option<Identity>,
     changes: Changes,
@@ -103,7 +105,8 @@ impl Follower {
                 this.change().await?;
             }
             // An error ends the stream. The client then reconnects and receives the problem.
-            let job = this.app.service.job(None, this.id).await.ok().flatten()?;
+            let job = this.app.store.job(this.id).await.ok().flatten();
+            let job = job.filter(|job| this.reach.sees(&job.owner, job.private))?;
             let is_finished = job.state.is_finished();
             let events = this.events(job, is_first);
             Some((stream::iter(events).map(Ok), (!is_finished).then_some((this, false))))

@@ -26,7 +26,7 @@ use crate::http::{
 };
 use fretwork_engine::{History, ResultUnits};
 use fretwork_job::{Job, JobId, JobState, Naming, Prepared, Task};
-use fretwork_store::{Canceled, Deleted, Filter};
+use fretwork_store::{Canceled, Deleted, Filter, Reach, Role, Seen};
 use fretwork_study::Rows;
 
 use answer::answer;
@@ -43,9 +43,20 @@ pub(super) fn read_id(text: &str) -> Result<JobId> {
     })
 }
 
-/// The job with this id, if the caller may see it.
+/// The job with this id, if the caller may see it. Otherwise it is reported as unknown, so that a caller cannot find out
+/// whether it exists.
 pub(super) async fn visible(app: &App, caller: &Caller, id: &str) -> Result<Job> {
-    app.service.job(caller.reach(), read_id(id)?).await?.ok_or_else(unknown)
+    let job = app.store.job(read_id(id)?).await?;
+    job.filter(|job| caller.reach().sees(&job.owner, job.private)).ok_or_else(unknown)
+}
+
+/// The job with this id, if the caller may cancel and delete it.
+async fn changeable(app: &App, caller: &Caller, id: &str) -> Result<JobId> {
+    let job = visible(app, caller, id).await?;
+    if caller.reach().may_change(&job.owner) {
+        return Ok(job.id);
+    }
+    Err(Problem::other_owner("job", Some(job.owner)))
 }
 
 pub(super) fn unknown() -> Problem {
@@ -77,7 +88,9 @@ pub async fn show(app: App, caller: Caller, id: Segment, mut query: Query) -> Re
     query.finish()?;
     let mut job = visible(&app, &caller, &id).await?;
     if let Some(time) = time {
-        job = app.service.wait(job, time).await?;
+        app.service.wait(job, time).await?;
+        // Its owner may have hidden the job meanwhile.
+        job = visible(&app, &caller, &id).await?;
     }
     answer(&app, &caller, job, include).await
 }
@@ -217,12 +230,13 @@ async fn study_so_far(app: &App, caller: &Caller, id: JobId) -> Result<Response>
     fresh(permit, bytes, made.await.map_err(Problem::bug)??).await
 }
 
-/// Changes the label and the tags of a job.
+/// Changes the label, the tags and the privacy of a job.
 ///
-/// What the body does not name stays. A label of null removes the label.
+/// What the body does not name stays. A label of null removes the label. Whoever sees a job may change its tags. Only its owner
+/// and administrators change the rest.
 #[utoipa::path(patch, path = "/v1/jobs/{id}", operation_id = "rename_job", tag = "jobs",
     params(("id" = uuid::Uuid, Path, description = "The `id` of a job.")),
-    request_body(content = ref("#/components/schemas/Naming"), description = "The label and the tags.",
+    request_body(content = ref("#/components/schemas/Naming"), description = "What changes.",
         example = json!({"label": "Rig 7, third sample", "tags": ["rig-7"]})),
     responses(
         (status = 200, description = "The job after the change.", body = JobAnswer),
@@ -235,9 +249,13 @@ pub async fn rename(
     _: NoQuery,
     body: Body,
 ) -> Result<Response> {
-    let id = read_id(&id)?;
     let naming = parse(body, Naming::parse).await?;
-    let job = app.service.rename(caller.reach(), id, naming).await?.ok_or_else(unknown)?;
+    let id = if naming.label.is_none() && naming.private.is_none() {
+        visible(&app, &caller, &id).await?.id
+    } else {
+        changeable(&app, &caller, &id).await?
+    };
+    let job = app.store.rename(id, naming, caller.actor()).await?.ok_or_else(unknown)?;
     answer(&app, &caller, job, Include::default()).await
 }
 
@@ -252,7 +270,8 @@ pub async fn rename(
     ),
 )]
 pub async fn cancel(app: App, caller: Caller, id: Segment, _: NoQuery) -> Result<Response> {
-    match app.service.cancel(caller.reach(), read_id(&id)?, caller.actor()).await? {
+    let id = changeable(&app, &caller, &id).await?;
+    match app.store.cancel(id, caller.actor()).await? {
         Canceled::NotFound => Err(unknown()),
         Canceled::AlreadyFinished(job) | Canceled::Done(job) => {
             answer(&app, &caller, job, Include::default()).await
@@ -286,7 +305,10 @@ pub async fn cancel_all(app: App, caller: Caller, mut query: Query) -> Result<Js
         let detail = "is required, or `label`, `tag`, `key` or `owner`: without them, all jobs would be canceled";
         return Err(Problem::parameters(vec![Complaint::parameter("state", detail)]));
     }
-    let canceled = app.service.cancel_all(caller.reach(), filter, &caller.actor()).await?;
+    // Others see shared jobs, but cancel none.
+    let jobs = if caller.role == Role::Admin { Seen::All } else { Seen::Own };
+    let filter = Filter { reach: Reach { jobs, ..caller.reach() }, ..filter };
+    let canceled = app.store.cancel_all(&filter, &caller.actor()).await?;
     Ok(Json(CanceledJobs { canceled }))
 }
 
@@ -301,8 +323,8 @@ pub async fn cancel_all(app: App, caller: Caller, mut query: Query) -> Result<Js
     ),
 )]
 pub async fn delete(app: App, caller: Caller, id: Segment, _: NoQuery) -> Result<StatusCode> {
-    let id = read_id(&id)?;
-    match app.service.delete(caller.reach(), id, caller.actor()).await? {
+    let id = changeable(&app, &caller, &id).await?;
+    match app.store.delete(id, caller.actor()).await? {
         Deleted::Done => Ok(StatusCode::NO_CONTENT),
         Deleted::NotFound => Err(unknown()),
         Deleted::Unfinished(state) => {

@@ -46,6 +46,8 @@ pub struct AccessKey {
     /// Requests per minute; null is no limit.
     #[schema(example = 60_000)]
     requests_per_minute: Option<u32>,
+    /// Whether the names that its holder gives are private.
+    private: bool,
     /// When it was made: RFC 3339, UTC.
     #[schema(format = "date-time")]
     created: String,
@@ -65,6 +67,7 @@ impl AccessKey {
         Self {
             requests_per_minute: app.gate.per_minute(&key),
             role: key.role.as_str(),
+            private: key.private,
             created: instant(key.created),
             expires: key.expires.map(instant),
             revoked: key.revoked.map(instant),
@@ -111,6 +114,11 @@ pub struct KeyBody {
     #[schema(value_type = u32, required = false, maximum = 4_294_967_295_u32)]
     #[deserr(default)]
     requests_per_minute: Option<Whole<0, { u32::MAX as u64 }>>,
+    /// Whether only the owner and administrators see the jobs that are submitted with it, and only the owner sees the notes. A
+    /// submission can say otherwise.
+    #[schema(required = false)]
+    #[deserr(default)]
+    private: bool,
 }
 
 impl KeyBody {
@@ -130,7 +138,7 @@ impl KeyBody {
         let role = faults.or(role)?.unwrap_or(Role::Read);
         let expires = time.flatten().map(|time| now() + time.as_millis() as i64);
         let per_minute = self.requests_per_minute.map(|Whole(rate)| rate as u32);
-        Ok(NewKey { name: self.name, role, per_minute, expires })
+        Ok(NewKey { name: self.name, role, per_minute, expires, private: self.private })
     }
 }
 

@@ -1,6 +1,8 @@
 //! Stored results: provenance, notes, deletion. `search` lists them.
 
-use axum::http::StatusCode;
+use axum::http::header::{ETAG, IF_MATCH};
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::{IntoResponse as _, Response};
 use deserr::Deserr;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -9,13 +11,14 @@ use utoipa::ToSchema;
 use crate::http::answer::stored::require;
 use crate::http::api::jobs::unverified;
 use crate::http::api::parameters::ResultKey;
+use crate::http::wire::words;
 use crate::http::{
     App, Body, Caller, Fresh, NoQuery, Problem, Result, Segment, instant, kinds, read_key,
 };
 use fretwork_engine::{Faults, Warning};
 use fretwork_job::{Key, Verified, earlier};
 use fretwork_json::{read_body, typed};
-use fretwork_store::{self as store, Changed, Removed};
+use fretwork_store::{self as store, Annotated, Annotator, Removed};
 
 /// What a user wrote about a result.
 #[derive(Debug, Serialize, ToSchema)]
@@ -28,11 +31,17 @@ pub struct Note {
     /// When it was written: RFC 3339, UTC.
     #[schema(format = "date-time")]
     at: String,
+    /// Whether only its owner sees it.
+    private: bool,
+    /// Its entity tag: send it as `If-Match` to change the note that you have read, and no later one.
+    #[schema(example = "\"5f3a9c0b1d2e4f60\"")]
+    etag: String,
 }
 
 impl From<store::Note> for Note {
     fn from(note: store::Note) -> Self {
-        Self { text: note.text, owner: note.owner, at: instant(note.at) }
+        let (at, etag) = (instant(note.at), note.tag());
+        Self { text: note.text, owner: note.owner, at, private: note.private, etag }
     }
 }
 
@@ -202,9 +211,14 @@ pub(super) fn unknown() -> Problem {
         (status = 200, description = "The provenance of the result.", body = Provenance),
     ),
 )]
-pub async fn provenance(app: App, key: Segment, _: NoQuery) -> Result<Fresh<Provenance>> {
+pub async fn provenance(
+    app: App,
+    caller: Caller,
+    key: Segment,
+    _: NoQuery,
+) -> Result<Fresh<Provenance>> {
     let key = read_key(&key)?;
-    let known = app.store.provenance(&key).await?.ok_or_else(unknown)?;
+    let known = app.store.provenance(&key, &caller.owner).await?.ok_or_else(unknown)?;
     Ok(Fresh(Provenance::of(key, known)))
 }
 
@@ -229,7 +243,7 @@ pub struct SubmissionWarnings {
 )]
 pub async fn warnings(app: App, key: Segment, _: NoQuery) -> Result<Fresh<SubmissionWarnings>> {
     let key = read_key(&key)?;
-    let provenance = app.store.provenance(&key).await?.ok_or_else(unknown)?;
+    let provenance = app.store.provenance(&key, "").await?.ok_or_else(unknown)?;
     let known = app.store.known(&key).await?.ok_or_else(unknown)?;
     let told = |detail| json!({"kind": "earlier_version", "detail": detail});
     let earlier = earlier::doubt(known.numerics, &known.asked.value).map(told);
@@ -256,69 +270,93 @@ pub(super) fn read<T: Deserr<Faults>>(body: &Body) -> Result<T> {
     Ok(read_body(&body.0.bytes, typed)?)
 }
 
+/// Who changes a note, and which one it has read.
+fn annotator(caller: &Caller, headers: &HeaderMap) -> Annotator {
+    let tags = || words(headers, IF_MATCH).map(str::to_owned).collect();
+    let read = headers.contains_key(IF_MATCH).then(tags);
+    Annotator { by: caller.actor(), private: caller.private, read }
+}
+
 /// The answer to a change of a note.
-fn annotated(changed: Changed) -> Result<StatusCode> {
-    match changed {
-        Changed::Done => Ok(StatusCode::NO_CONTENT),
-        Changed::OtherOwner(owner) => Err(Problem::other_owner("note", owner)),
-        Changed::NotFound | Changed::QuotaExceeded { .. } => Err(unknown()),
-    }
+fn annotated(annotated: Annotated) -> Result<StatusCode> {
+    let detail = match annotated {
+        Annotated::Done => return Ok(StatusCode::NO_CONTENT),
+        Annotated::NotFound => return Err(unknown()),
+        Annotated::Unread(Some(store::Note { owner, .. })) => {
+            format!("{owner:?} wrote the present note. Read it, and send its `etag` as If-Match.")
+        }
+        Annotated::Unread(None) => "The note was deleted. Send no If-Match.".to_owned(),
+    };
+    Err(Problem::new(&kinds::NOTE_CHANGED, detail))
 }
 
 /// Returns the note of a result.
 ///
-/// A result has at most one note. Provenance and lists show it, too.
+/// A result has one note for all who may read. The holder of a key with private names sees its own note in its place. Provenance
+/// and lists show the note, too.
 #[utoipa::path(get, path = "/v1/results/{key}/note", operation_id = "get_note", tag = "results",
     params(ResultKey),
     responses(
-        (status = 200, description = "The note.", body = Note),
+        (status = 200, description = "The note.", body = Note,
+            headers(("ETag" = String, description = "The `etag` of the note."))),
         (status = 404, description = "The result has no note, or no result has this key."),
     ),
 )]
-pub async fn show_note(app: App, key: Segment, _: NoQuery) -> Result<Fresh<Note>> {
-    let note = app.store.provenance(&read_key(&key)?).await?.ok_or_else(unknown)?.note;
+pub async fn show_note(app: App, caller: Caller, key: Segment, _: NoQuery) -> Result<Response> {
+    let provenance = app.store.provenance(&read_key(&key)?, &caller.owner).await?;
     let missing = || Problem::new(&kinds::NOT_FOUND, "The result has no note. PUT writes one.");
-    Ok(Fresh(note.ok_or_else(missing)?.into()))
+    let note = Note::from(provenance.ok_or_else(unknown)?.note.ok_or_else(missing)?);
+    Ok(([(ETAG, note.etag.clone())], Fresh(note)).into_response())
 }
 
-/// Writes the note of a result. A result has one note; a new one of the same owner or of an administrator replaces it.
+/// Writes the note of a result, in place of the present one.
 ///
-/// Provenance and lists show the note, its owner and its time. It stays for a year after the result was
-/// evicted or deleted.
+/// A note of somebody else is replaced only with its `etag` as `If-Match`, so that nobody replaces a note unread. The note of the
+/// holder of a key with private names replaces no other. A note stays for a year after the result was evicted or deleted.
 #[utoipa::path(put, path = "/v1/results/{key}/note", operation_id = "put_note", tag = "results",
-    params(ResultKey),
+    params(ResultKey, ("If-Match" = Option<String>, Header, description = "The `etag` of the note that the client has read.")),
     request_body(content = ref("#/components/schemas/NoteBody"), description = "The note.",
         example = json!({"text": "Agrees with the rig of 2025-11."})),
     responses(
         (status = 204, description = "The note is stored."),
+        (status = 412, description = "Somebody else wrote the note, and `If-Match` is missing or not its `etag`."),
     ),
 )]
 pub async fn note(
     app: App,
     caller: Caller,
     key: Segment,
+    headers: HeaderMap,
     _: NoQuery,
     body: Body,
 ) -> Result<StatusCode> {
-    let key = read_key(&key)?;
     let NoteBody { text } = read(&body)?;
     if let Some(detail) = store::Note::fault(&text) {
         return Err(Problem::from(Faults::one("/text", detail)));
     }
-    annotated(app.store.annotate(&key, Some(text), caller.editor()).await?)
+    let by = annotator(&caller, &headers);
+    annotated(app.store.annotate(&read_key(&key)?, Some(text), by).await?)
 }
 
 /// Deletes the note of a result.
 ///
-/// If there is no note, nothing changes. Only the owner of the note and administrators may delete it.
+/// If there is no note, nothing changes. A note of somebody else is deleted only with its `etag` as `If-Match`.
 #[utoipa::path(delete, path = "/v1/results/{key}/note", operation_id = "delete_note", tag = "results",
-    params(ResultKey),
+    params(ResultKey, ("If-Match" = Option<String>, Header, description = "The `etag` of the note that the client has read.")),
     responses(
         (status = 204, description = "The result has no note."),
+        (status = 412, description = "Somebody else wrote the note, and `If-Match` is missing or not its `etag`."),
     ),
 )]
-pub async fn delete_note(app: App, caller: Caller, key: Segment, _: NoQuery) -> Result<StatusCode> {
-    annotated(app.store.annotate(&read_key(&key)?, None, caller.editor()).await?)
+pub async fn delete_note(
+    app: App,
+    caller: Caller,
+    key: Segment,
+    headers: HeaderMap,
+    _: NoQuery,
+) -> Result<StatusCode> {
+    let by = annotator(&caller, &headers);
+    annotated(app.store.annotate(&read_key(&key)?, None, by).await?)
 }
 
 /// Deletes a result.
@@ -358,7 +396,7 @@ pub async fn delete(app: App, caller: Caller, key: Segment, _: NoQuery) -> Resul
             Removed::NotFound => {
                 // Returns the problem that says why there is nothing to delete. If the result has just been stored, the
                 // loop tries again.
-                require(&app, caller.reach(), &key).await?;
+                require(&app, &caller.reach(), &key).await?;
             }
         }
     }

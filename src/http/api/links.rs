@@ -59,7 +59,7 @@ pub async fn share(
     query.finish()?;
     let key = read_key(&key)?;
     if !app.store.has_result(&key).await? {
-        require(&app, caller.reach(), &key).await?;
+        require(&app, &caller.reach(), &key).await?;
     }
     let expires = (signed_link::since_1970() + time.unwrap_or(DEFAULT_LIFETIME)).as_secs();
     if caller.key.as_deref() == Some(SIGN_ON) {

@@ -18,6 +18,8 @@ pub struct Me {
     /// The id of the key; null on a server without keys.
     #[schema(example = "0a1b2c3d")]
     key: Option<String>,
+    /// Whether the names that the caller gives are private.
+    private: bool,
     /// The limits of the key.
     limits: CallerLimits,
     /// The use of the limits, and the unfinished jobs.
@@ -66,6 +68,7 @@ pub async fn me(app: App, caller: Caller, _: NoQuery) -> Result<Fresh<Me>> {
         name: caller.owner,
         role: caller.role.as_str(),
         key: caller.key,
+        private: caller.private,
         limits: CallerLimits {
             requests_per_minute: limits.per_minute.map(Into::into),
             evaluations_per_minute: limits.evaluations.map(Into::into),

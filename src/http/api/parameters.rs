@@ -147,7 +147,7 @@ parameters! {
         q: String,
         /// Jobs for the result with this key.
         key: KeyText,
-        /// Jobs of this owner; `me` is the caller. On a server with keys, only administrators see the jobs of others.
+        /// Jobs of this owner; `me` is the caller. Only administrators see private jobs of others.
         #[param(example = "me")]
         owner: String,
     }

@@ -16,7 +16,7 @@ use crate::http::{
     App, Caller, Problem, Query, Result, Segment, instant, kinds, read_key, schemas,
 };
 use fretwork_format::report::{About, MOST, ReportedResult, content};
-use fretwork_job::{JobId, Key};
+use fretwork_job::{Job, JobId, Key};
 use fretwork_store::Filter;
 
 /// Maximum number of jobs in which a label is looked for.
@@ -73,18 +73,22 @@ pub async fn report(app: App, caller: Caller, key: Segment, mut query: Query) ->
 
 /// What the database knows about a result, as far as the caller may see it.
 async fn about(app: &App, caller: &Caller, key: &Key, job: Option<JobId>) -> Result<About> {
+    let reach = caller.reach();
     let jobs = if let Some(id) = job {
-        app.service.job(caller.reach(), id).await?.into_iter().collect()
+        app.store.job(id).await?.into_iter().collect()
     } else {
-        let filter = Filter { key: Some(*key), ..Filter::default() };
-        app.service.jobs(caller.reach(), filter, None, JOBS).await?.jobs
+        let filter = Filter { key: Some(*key), reach: reach.clone(), ..Filter::default() };
+        app.store.jobs(&filter, None, JOBS).await?.jobs
     };
-    let jobs: Vec<_> = jobs.into_iter().filter(|job| job.key == *key).collect();
-    let submitted = match jobs.first() {
+    let seen = |job: &Job| job.key == *key && reach.sees(&job.owner, job.private);
+    let mut jobs: Vec<_> = jobs.into_iter().filter(seen).collect();
+    // The own ones come first.
+    jobs.sort_by_key(|job| !reach.may_change(&job.owner));
+    let submitted = match jobs.first().filter(|job| reach.may_change(&job.owner)) {
         Some(job) => app.store.asked(job.id).await?.submitted,
         None => None,
     };
-    let known = app.store.provenance(key).await?;
+    let known = app.store.provenance(key, "").await?;
     let own = jobs.first().map(|job| job.warnings.clone());
     let computing = known.as_ref().and_then(|known| known.warnings.clone());
     let program = known.as_ref().and_then(|known| known.program.as_ref());

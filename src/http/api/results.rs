@@ -400,10 +400,10 @@ pub async fn unpin(app: App, caller: Caller, key: Segment, _: NoQuery) -> Result
 async fn set_pin(app: &App, caller: &Caller, key: &str, pinned: bool) -> Result<StatusCode> {
     let key = read_key(key)?;
     loop {
-        match app.store.pin(&key, pinned, caller.editor()).await? {
+        match app.store.pin(&key, pinned, caller.reach()).await? {
             Changed::Done => return Ok(StatusCode::NO_CONTENT),
             // Returns the problem for a missing result, or tries again if the result has just been stored.
-            Changed::NotFound => require(app, caller.reach(), &key).await?,
+            Changed::NotFound => require(app, &caller.reach(), &key).await?,
             Changed::OtherOwner(owner) => return Err(Problem::other_owner("pin", owner)),
             Changed::QuotaExceeded { used, quota, of_all } => {
                 let (used, quota) = (ByteSize(used), ByteSize(quota));

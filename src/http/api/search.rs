@@ -9,7 +9,7 @@ use serde_json::{Map, Value, json};
 use utoipa::ToSchema;
 
 use super::library::{Note, unknown};
-use crate::http::access::caller::{Caller, ME};
+use crate::http::access::caller::Caller;
 use crate::http::answer::listed;
 use crate::http::api::parameters::{Conditions, OfList, ResultKey, SearchTable};
 use crate::http::wire::paging::{ListView, next_page};
@@ -37,14 +37,16 @@ pub struct ResultEntry {
     evicted: Option<String>,
     /// Its note.
     note: Option<Note>,
-    /// The id of the job that has this label and these tags: the latest job with a label, else the latest job. Null if the
-    /// caller may see no job of the result.
+    /// The id of the job that has this label and these tags: the latest own job with a label, else the latest job with a label,
+    /// else the latest job. Null if the caller may see no job of the result.
     #[schema(value_type = Option<String>, format = "uuid")]
     job: Option<JobId>,
-    /// The latest label.
+    /// The label of this job.
     label: Option<String>,
     /// The tags of this job.
     tags: Vec<String>,
+    /// The owner of this job.
+    submitted_by: Option<String>,
     /// The design of a sweep; null for other results.
     #[schema(example = "latin_hypercube")]
     design: Option<String>,
@@ -67,8 +69,9 @@ impl From<Listed> for ResultEntry {
     fn from(listed: Listed) -> Self {
         let Listed { key, created, owner, size, pinned, evicted, note, named, design, outline } =
             listed;
-        let (job, label, tags) =
-            named.map_or_else(Default::default, |named| (Some(named.job), named.label, named.tags));
+        let (job, label, tags, submitted_by) = named.map_or_else(Default::default, |named| {
+            (Some(named.job), named.label, named.tags, Some(named.owner))
+        });
         Self {
             key,
             created: instant(created),
@@ -80,6 +83,7 @@ impl From<Listed> for ResultEntry {
             job,
             label,
             tags,
+            submitted_by,
             design,
             words: outline.words(),
             values: outline.scalars(),
@@ -90,27 +94,27 @@ impl From<Listed> for ResultEntry {
 
 impl ResultEntry {
     /// The columns of a list as CSV before the words and values.
-    const COLUMNS: [&str; 10] =
-        ["key", "created", "label", "tags", "note", "owner", "size", "pinned", "evicted", "job"];
+    const COLUMNS: &str = "key created label tags submitted_by note owner size pinned evicted job";
 
     /// The columns of a list as CSV, with their units.
     fn columns() -> impl Iterator<Item = (&'static str, &'static str)> {
-        let own = Self::COLUMNS.map(|name| (name, if name == "size" { "B" } else { "" }));
+        let unit = |name| if name == "size" { "B" } else { "" };
+        let own = Self::COLUMNS.split(' ').map(move |name| (name, unit(name)));
         let words = WORDS.iter().map(|word| (word.name, ""));
         let scalars = SCALARS.iter().map(|scalar| (scalar.name, scalar.unit()));
-        own.into_iter().chain(words).chain(scalars)
+        own.chain(words).chain(scalars)
     }
 
     /// A line of a list as CSV.
     fn line(self) -> String {
         let entry = json!(self);
-        let own = Self::COLUMNS.map(|name| match name {
+        let own = Self::COLUMNS.split(' ').map(|name| match name {
             "tags" => json!(self.tags.join(", ")),
             "note" => entry["note"]["text"].clone(),
             name => entry[name].clone(),
         });
         let named = self.words.into_iter().chain(self.values).map(|(_, value)| value);
-        listed::line(own.into_iter().chain(named))
+        listed::line(own.chain(named))
     }
 }
 
@@ -192,8 +196,7 @@ pub async fn about(
     _: NoQuery,
 ) -> Result<Fresh<ResultEntry>> {
     let key = read_key(&key)?;
-    let mut search = Search::default();
-    search.only_jobs_of(caller.reach());
+    let mut search = Search::within(caller.reach());
     search.set("keys", &key.to_string()).map_err(|_| Problem::internal())?;
     let found = app.store.search(&search, None, 1).await?.results.pop();
     Ok(Fresh(found.ok_or_else(unknown)?.into()))
@@ -201,13 +204,12 @@ pub async fn about(
 
 /// Reads the conditions and the order of a search.
 fn read_search(query: &mut Query, caller: &Caller) -> Search {
-    let mut search = Search::default();
-    search.only_jobs_of(caller.reach());
+    let mut search = Search::within(caller.reach());
     for name in Search::names() {
         let text = query.text(name);
         // The store compares names, so `me` becomes the name of the caller.
         let is_name = ["owner", "submitted_by", "pinned_by"].contains(&name);
-        let own = |text: String| if is_name && text == ME { caller.owner.clone() } else { text };
+        let own = |text: String| if is_name { caller.owner_named(text) } else { text };
         if let Some(text) = text.map(own)
             && let Err(fault) = search.set(name, &text)
         {

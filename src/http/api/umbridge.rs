@@ -344,7 +344,7 @@ async fn likelihood_of(
     if let Some(AnyModel::Likelihood(model)) = app.models.get(&key.to_string()) {
         return Ok(model);
     }
-    require(app, caller.reach(), &key).await?;
+    require(app, &caller.reach(), &key).await?;
     let known = app.store.known(&key).await?;
     if known.is_none_or(|known| known.asked.kind.member() != "fit") {
         let message = format!("config/fit is the key of another result. {advice}: POST /v1/jobs.");

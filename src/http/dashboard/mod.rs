@@ -53,7 +53,7 @@ const SCRIPTS: &[File] = scripts!(
     // Curves with axes, zoom and readings, and the figures of a run.
     "figure": "axis" "curves" "draw" "figure" "labels" "player" "reader" "run" "save" "zoom";
     // Stored results: their names and buttons, and the table of all.
-    "library": "actions" "columns" "derived" "library" "selected" "stored" "summary" "table"
+    "library": "actions" "columns" "derived" "library" "owners" "selected" "stored" "summary" "table"
         "thumbnails";
     // Studies: their ranges, figures and tables.
     "study": "bars" "chart" "contours" "curves" "figure" "heat" "measured" "open" "plan" "scatter"

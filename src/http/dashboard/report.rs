@@ -19,12 +19,13 @@ const ICON: &str = include_str!("icon.svg");
 /// The script that begins.
 const ENTRY: &str = "import \"report/report.js\";";
 /// What `offline.js` replaces.
-const REPLACED: [&str; 9] = [
+const REPLACED: [&str; 10] = [
     "access/allowed.js",
     "access/api.js",
     "fit/form.js",
     "library/actions.js",
     "library/derived.js",
+    "library/owners.js",
     "measure/dialog.js",
     "measure/measure.js",
     "study/vary.js",

@@ -64,6 +64,7 @@ kinds! {
     JOB_FAILED = CONFLICT "job-failed";
     JOB_CANCELED = CONFLICT "job-canceled";
     EVICTED = GONE "evicted";
+    NOTE_CHANGED = PRECONDITION_FAILED "note-changed";
     BODY_TOO_LARGE = PAYLOAD_TOO_LARGE "body-too-large";
     UNSUPPORTED_MEDIA_TYPE = UNSUPPORTED_MEDIA_TYPE "unsupported-media-type";
     UNSUPPORTED_CODING = UNSUPPORTED_MEDIA_TYPE "unsupported-content-encoding";

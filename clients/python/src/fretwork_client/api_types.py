@@ -10,6 +10,7 @@ class AccessKey(TypedDict):
     id: "str"
     last_used: "NotRequired[str | None]"
     name: "str"
+    private: "bool"
     requests_per_minute: "NotRequired[int | None]"
     revoked: "NotRequired[str | None]"
     role: "Role"
@@ -30,7 +31,7 @@ class Accuracy(TypedDict):
     steps: "NotRequired[int]"
     wear_depth_error: "NotRequired[float | None]"
 
-Act: TypeAlias = "Literal['add_key', 'revoke_key', 'use_key', 'cancel_job', 'delete_job', 'delete_result']"
+Act: TypeAlias = "Literal['add_key', 'revoke_key', 'use_key', 'cancel_job', 'delete_job', 'delete_result', 'rename_job', 'change_note', 'share_names', 'give_names']"
 
 class AmplitudeBlock(TypedDict):
     """A stretch of cycles of one amplitude."""
@@ -629,6 +630,7 @@ class Job(TypedDict):
     origin: "Origin"
     owner: "str"
     priority: "int"
+    private: "bool"
     progress: "float"
     recomputed: "NotRequired[Recomputed | None]"
     state: "JobState"
@@ -649,6 +651,7 @@ class JobBody(TypedDict):
     fit: "NotRequired[Fit]"
     label: "NotRequired[str]"
     map: "NotRequired[FrettingMap]"
+    private: "NotRequired[bool]"
     scenario: "NotRequired[Scenario]"
     sensitivity: "NotRequired[Sensitivity]"
     sweep: "NotRequired[Sweep]"
@@ -686,6 +689,7 @@ class KeyBody(TypedDict):
 
     expires_in: "NotRequired[str]"
     name: "str"
+    private: "NotRequired[bool]"
     requests_per_minute: "NotRequired[int]"
     role: "Role"
 
@@ -807,6 +811,7 @@ class Me(TypedDict):
     key: "NotRequired[str | None]"
     limits: "CallerLimits"
     name: "str"
+    private: "bool"
     role: "Role"
     usage: "CallerUsage"
 
@@ -874,9 +879,10 @@ class Moduli(TypedDict):
 Motion: TypeAlias = "ByAmplitude | Sliding | ByAperture | ByStickRatio | ByTangentialForce | Blocks | Reversals"
 
 class Naming(TypedDict):
-    """A change of the label and the tags of a job."""
+    """A change of the label, the tags and the privacy of a job."""
 
     label: "NotRequired[str | None]"
+    private: "NotRequired[bool]"
     tags: "NotRequired[list[Tag]]"
 
 Noise: TypeAlias = "str | RelativeNoise"
@@ -894,7 +900,9 @@ class Note(TypedDict):
     """What a user wrote about a result."""
 
     at: "str"
+    etag: "str"
     owner: "str"
+    private: "bool"
     text: "str"
 
 class NoteBody(TypedDict):

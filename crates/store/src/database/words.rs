@@ -2,6 +2,7 @@
 
 use std::str::FromStr;
 
+use crate::database::reach::Reach;
 use crate::database::statement::Statement;
 
 /// The words of a search. Each word must occur in the label or a tag of a job, or in the note of its result. Upper and lower case
@@ -69,23 +70,22 @@ impl Statement {
         self.push_either(" || '*'", "")
     }
 
-    /// Adds a query for the keys of the notes that contain all words.
-    fn keys_of_notes(&mut self, words: &Words) -> &mut Self {
-        self.push("SELECT key FROM note WHERE TRUE");
+    /// Adds a query for the keys of the notes within reach that contain all words.
+    fn keys_of_notes(&mut self, words: &Words, reach: &Reach) -> &mut Self {
+        self.push("SELECT key FROM ").notes_within(reach).push(" WHERE TRUE");
         for word in &words.0 {
             self.push(" AND ").contains("text", word);
         }
         self
     }
 
-    /// Adds a query for a column of the jobs with a label or tags that have all words. With an owner, only jobs of that owner
-    /// count.
-    fn named_jobs(&mut self, column: &str, words: &Words, owner: Option<&str>) -> &mut Self {
+    /// Adds a query for a column of the jobs within reach with a label or tags that have all words.
+    fn named_jobs(&mut self, column: &str, words: &Words, reach: &Reach) -> &mut Self {
         self.push("SELECT ")
             .push(column)
             .push(" FROM job")
             .push_either(" INDEXED BY job_named", "");
-        self.push(" WHERE (label IS NOT NULL OR tags <> '[]')");
+        self.push(" WHERE (label IS NOT NULL OR tags <> '[]')").job_within(reach);
         for word in &words.0 {
             self.push(" AND (").contains("label", word).push(" OR ");
             // The column `tags` is JSON, which has these signs itself.
@@ -94,31 +94,30 @@ impl Statement {
             } else {
                 self.contains("tags", word);
             }
-            self.push(" OR key IN (SELECT key FROM note WHERE ").contains("text", word).push("))");
-        }
-        if let Some(owner) = owner {
-            self.push(" AND owner = ").push_bind(owner);
+            self.push(" OR key IN (SELECT key FROM ").notes_within(reach).push(" WHERE ");
+            self.contains("text", word).push("))");
         }
         self
     }
 
     /// Adds the condition on a job that it has all words.
-    pub(crate) fn job_has_words(&mut self, words: &Words) {
+    pub(crate) fn job_has_words(&mut self, words: &Words, reach: &Reach) {
         if words.0.is_empty() {
             return;
         }
-        self.push(" AND job.id IN (").named_jobs("id", words, None);
-        self.push(" UNION ALL SELECT id FROM job WHERE key IN (").keys_of_notes(words).push("))");
+        self.push(" AND job.id IN (").named_jobs("id", words, reach);
+        self.push(" UNION ALL SELECT id FROM job WHERE key IN (").keys_of_notes(words, reach);
+        self.push("))");
     }
 
     /// Adds the condition on an outline that the note of the result, or a job with its label and tags, has all words.
-    pub(crate) fn outline_has_words(&mut self, words: &Words, owner: Option<&str>) {
+    pub(crate) fn outline_has_words(&mut self, words: &Words, reach: &Reach) {
         if words.0.is_empty() {
             return;
         }
         self.push(" AND outline.id IN (SELECT id FROM result_task WHERE key IN (");
-        self.named_jobs("key", words, owner);
-        self.push(" UNION ALL ").keys_of_notes(words).push("))");
+        self.named_jobs("key", words, reach);
+        self.push(" UNION ALL ").keys_of_notes(words, reach).push("))");
     }
 }
 

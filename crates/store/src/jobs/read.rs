@@ -1,7 +1,8 @@
 //! Reads jobs, pages of jobs, and results.
 
 use crate::database::{
-    Body, Columns, Error, Result, Row, RunId, Statement, Sum, Tables, Words, page_of, read, sql,
+    Body, Columns, Error, Reach, Result, Row, RunId, Statement, Sum, Tables, Words, page_of, read,
+    sql,
 };
 use fretwork_job::{Canonical, Failure, Job, JobId, JobState, Key};
 
@@ -20,6 +21,8 @@ pub struct Filter {
     pub owner: Option<String>,
     /// With these words in the label, the tags, or the note of the result.
     pub words: Words,
+    /// Within reach of this caller.
+    pub reach: Reach,
     /// Whether a list begins with the oldest job.
     pub oldest_first: bool,
 }
@@ -97,8 +100,8 @@ pub(crate) fn read_job(row: &Row) -> sqlx::Result<Job> {
         _ => row.get("progress")?,
     };
     Ok(read!(row => Job {
-        id, key, owner, origin, attempt, priority, label, tags, warnings, created, started, finished, changes, summary,
-        recomputed, verified; state, progress, failure
+        id, key, owner, origin, attempt, priority, label, tags, private, warnings, created, started, finished, changes,
+        summary, recomputed, verified; state, progress, failure
     }))
 }
 
@@ -107,7 +110,7 @@ pub(crate) fn read_job(row: &Row) -> sqlx::Result<Job> {
 macro_rules! select_job {
     ($($conditions:tt)*) => {
         sql!(
-            "SELECT job.id, job.owner, job.key, job.state, job.origin, job.label, job.tags, job.warnings,
+            "SELECT job.id, job.owner, job.key, job.state, job.origin, job.label, job.tags, job.private <> 0 AS private, job.warnings,
                  job.created, job.started, job.finished, job.attempt, job.priority, job.changes, "
             ["run.progress" |
              "coalesce(lease.progress, least(study.done, study.chunks)::DOUBLE PRECISION / study.chunks,
@@ -208,19 +211,19 @@ pub(crate) async fn asked(id: JobId, mut db: impl Tables) -> Result<Asked> {
     Ok(Asked { task: row.get("task")?, submitted: row.get("submitted")? })
 }
 
-/// The oldest unfinished job of the live run of a key. With an owner, the oldest of that owner.
+/// The oldest unfinished job within reach of the live run of a key.
 pub(crate) async fn live_job(
     key: &Key,
-    owner: Option<&str>,
+    reach: &Reach,
     mut db: impl Tables,
 ) -> Result<Option<JobId>> {
-    let query = sql!(
+    let mut query = sql!(
         "SELECT job.id AS id FROM run JOIN job ON job.run = run.id AND job.finished IS NULL
-         WHERE run.key = $1 AND run.state IN ('queued', 'running')
-             AND ($2 IS NULL OR job.owner = $2)
-         ORDER BY job.id LIMIT 1";
-        key, owner
+         WHERE run.key = $1 AND run.state IN ('queued', 'running')";
+        key
     );
+    query.job_within(reach);
+    query.push(" ORDER BY job.id LIMIT 1");
     Ok(db.row(query).await?.map(|row| row.get("id")).transpose()?)
 }
 
@@ -337,6 +340,7 @@ pub(crate) async fn task(run: RunId, mut db: impl Tables) -> Result<Option<Strin
 /// Writes the conditions of a filter.
 fn matching(query: &mut Statement, filter: &Filter) {
     query.push("TRUE");
+    query.job_within(&filter.reach);
     if let Some(state) = filter.state {
         query.push(" AND job.state = ").push_bind(state.as_str());
         if state != JobState::Succeeded {
@@ -359,5 +363,5 @@ fn matching(query: &mut Statement, filter: &Filter) {
             .push_bind(&**tag)
             .push(")");
     }
-    query.job_has_words(&filter.words);
+    query.job_has_words(&filter.words, &filter.reach);
 }

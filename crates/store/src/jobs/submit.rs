@@ -35,6 +35,8 @@ pub struct NewJob {
     pub label: Option<String>,
     /// Words by which users find the job.
     pub tags: Vec<String>,
+    /// Whether only its owner and administrators see the job.
+    pub private: bool,
     /// The warnings about the task, for the client.
     pub warnings: Vec<Warning>,
     /// Those of the warnings that are about the two bodies. The result does not contain them. If this submission

@@ -112,7 +112,7 @@ async fn entry(
         Err(Error::Damaged(_)) => return Ok(Err(Absent::Damaged)),
         Err(error) => return Err(error),
     };
-    let Some(provenance) = Provenance::of(key, &mut *db).await? else {
+    let Some(provenance) = Provenance::of(key, "", &mut *db).await? else {
         return Ok(Err(Absent::Unknown));
     };
     let json = Some(body).filter(|body| sum.is_of(body)).and_then(|body| body.json().ok());

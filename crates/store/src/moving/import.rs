@@ -16,7 +16,8 @@ use super::lines::{Line, Lines, MAX_BODY, Maker, Next, Noted, Told, is_stdio};
 use crate::administration::Administration;
 use crate::database::{Command, Place};
 use crate::moving::store_import::{self, Accepted, Before, NoteTaken};
-use crate::results::library::{Note, Program};
+use crate::results::library::Program;
+use crate::results::notes::Note;
 use crate::results::storing::Answered;
 use fretwork_job::{Answer, Cost, Key, ResultDocument, Verified, clock, is_too_deep};
 
@@ -339,5 +340,5 @@ fn note(Noted { text, owner, at }: Noted) -> Result<Note, String> {
     if let Some(fault) = Note::fault(&text) {
         return Err(format!("the note on the result {fault}"));
     }
-    Ok(Note { text, owner: name("owner", owner)?, at: time(&at)? })
+    Ok(Note { text, owner: name("owner", owner)?, at: time(&at)?, private: false })
 }

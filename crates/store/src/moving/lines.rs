@@ -13,7 +13,7 @@ use serde_json::value::RawValue;
 use zstd::zstd_safe::MAGICNUMBER;
 
 use super::{FORM, Moving, refused};
-use crate::results::library::Note;
+use crate::results::notes::Note;
 use crate::sqlite::open::APPLICATION_ID;
 use fretwork_engine::scenario::MAX_ANSWER;
 use fretwork_job::{ENGINE, clock, is_too_deep};
@@ -108,7 +108,7 @@ pub(super) struct Noted {
 }
 
 impl From<&Note> for Noted {
-    fn from(Note { text, owner, at }: &Note) -> Self {
+    fn from(Note { text, owner, at, .. }: &Note) -> Self {
         Self { text: text.clone(), owner: owner.clone(), at: clock::rfc3339(*at) }
     }
 }

@@ -1,7 +1,8 @@
 //! Stores results of other servers, which an import has read from a file.
 
 use crate::database::{Change, Columns, Connected, Connection, Result, Tables, sql};
-use crate::results::library::{Note, Program};
+use crate::results::library::Program;
+use crate::results::notes::Note;
 use crate::results::storing::{Answered, Source};
 use crate::{postgres, sqlite};
 use fretwork_job::{Key, Verified};
@@ -141,7 +142,7 @@ pub(crate) async fn take_note(
 }
 
 async fn note_result(key: &Key, note: Option<&Note>, tx: &mut Change<'_>) -> Result<NoteTaken> {
-    let Some(Note { text, owner, at }) = note else { return Ok(NoteTaken::Unchanged) };
+    let Some(Note { text, owner, at, .. }) = note else { return Ok(NoteTaken::Unchanged) };
     // The result may have been deleted since the caller found it. Then this inserts nothing.
     let insert = sql!(
         "INSERT INTO note (key, text, owner, at) SELECT key, $2, $3, $4 FROM result WHERE key = $1

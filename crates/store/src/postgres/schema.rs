@@ -9,7 +9,7 @@ use sqlx::postgres::PgConnection;
 use crate::database::{DatabaseUrl, Error, Result};
 
 /// The migrations of the schema: version, name and SQL.
-const CHANGES: [(i64, &str, &str); 9] = [
+const CHANGES: [(i64, &str, &str); 10] = [
     (1, "jobs", include_str!("../../../../migrations/postgres/0001_jobs.sql")),
     (2, "study died", include_str!("../../../../migrations/postgres/0002_study_died.sql")),
     (3, "lease lasts", include_str!("../../../../migrations/postgres/0003_lease_lasts.sql")),
@@ -19,6 +19,7 @@ const CHANGES: [(i64, &str, &str); 9] = [
     (7, "stages", include_str!("../../../../migrations/postgres/0007_stages.sql")),
     (8, "sessions", include_str!("../../../../migrations/postgres/0008_sessions.sql")),
     (9, "labelled", include_str!("../../../../migrations/postgres/0009_labelled.sql")),
+    (10, "shared names", include_str!("../../../../migrations/postgres/0010_shared_names.sql")),
 ];
 
 /// The error if this version of the program must not write the tables.

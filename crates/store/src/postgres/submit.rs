@@ -179,8 +179,8 @@ async fn insert_row(tx: &mut Transaction<'_>, new: &NewJob, place: &ResultSource
     };
     let query = sql!(
         "INSERT INTO job (id, owner, key, run, state, attempt, origin, label, tags, warnings, priority,
-             idempotency_key, fingerprint, submitted, study, created, started, finished, changes, claimable)
-         SELECT $1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, coalesce($16, moment()),
+             idempotency_key, fingerprint, submitted, study, private, created, started, finished, changes, claimable)
+         SELECT $1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15, $17, coalesce($16, moment()),
              CASE WHEN $16 IS NOT NULL THEN $16 WHEN $5 <> 'queued' THEN moment() END,
              CASE WHEN $4 IS NULL THEN moment() END,
              CASE WHEN $16 IS NOT NULL THEN 'queued 0 ' || $16 || chr(10) || 'running 1 ' || $16 || chr(10) ELSE '' END
@@ -189,7 +189,7 @@ async fn insert_row(tx: &mut Transaction<'_>, new: &NewJob, place: &ResultSource
               WHERE run.id = $4 AND CASE WHEN $15
                   THEN next < chunks OR queued > 0 OR (next = chunks AND running = 0)
                   ELSE run.state = 'queued' END)
-         RETURNING id, owner, key, state, origin, label, tags, warnings, created, started, finished, attempt, priority,
+         RETURNING id, owner, key, state, origin, label, tags, private <> 0 AS private, warnings, created, started, finished, attempt, priority,
              changes, NULL AS recomputed,
              coalesce((SELECT progress FROM lease WHERE lease.run = job.run AND number = -1),
                  (SELECT least(done, chunks)::DOUBLE PRECISION / chunks FROM study WHERE study.run = job.run),
@@ -198,7 +198,8 @@ async fn insert_row(tx: &mut Transaction<'_>, new: &NewJob, place: &ResultSource
              (SELECT verified FROM result WHERE result.key = job.key AND job.state = 'succeeded') AS verified";
         job.id, &job.owner, job.key, run, state.as_str(), attempt, origin.as_str(), job.label.as_ref(), json(&new.tags),
         json(&new.warnings), job.priority, repeatable.map(|repeatable| &repeatable.key),
-        repeatable.map(|repeatable| &repeatable.fingerprint), job.submitted.as_ref(), job.chunks.is_some(), began
+        repeatable.map(|repeatable| &repeatable.fingerprint), job.submitted.as_ref(), job.chunks.is_some(), began,
+        i64::from(job.private)
     );
     let row = query.postgres().fetch_one(tx.db.connection()).await;
     Ok(Row::Postgres(row.map_err(|error| new.refused(error))?))

@@ -1,43 +1,10 @@
-//! Data about stored results: the provenance, notes, and the program that computed them.
+//! Data about stored results: the provenance, and the program that computed them.
 
 use serde_json::Value;
 
 use crate::database::{Columns, Connected, Error, Result, Row, Statement, Tables, read, sql};
+use crate::results::notes::{self, Note};
 use fretwork_job::{Canonical, ENGINE, JobId, Key, Verified};
-
-/// What a user wrote about a result.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Note {
-    /// The text.
-    pub text: String,
-    /// Who wrote it.
-    pub owner: String,
-    /// When it was written, in milliseconds since 1970.
-    pub at: i64,
-}
-
-/// Maximum length of a note, in characters.
-const LONGEST_NOTE: usize = 4000;
-
-impl Note {
-    /// Why a text is not allowed as a note; `None` if it is allowed. The caller adds the subject of the sentence.
-    pub fn fault(text: &str) -> Option<String> {
-        let length = text.chars().count();
-        let is_control = |c: char| c.is_control() && c != '\n' && c != '\t';
-        if length == 0 || length > LONGEST_NOTE {
-            return Some(format!("must have 1 to {LONGEST_NOTE} characters, not {length}"));
-        }
-        text.contains(is_control).then(|| {
-            "must not contain control characters other than line breaks and tabs".to_owned()
-        })
-    }
-
-    /// Reads the columns `note`, `noted_by` and `noted`.
-    pub(crate) fn read(row: &Row) -> sqlx::Result<Option<Self>> {
-        let Some(text) = row.get("note")? else { return Ok(None) };
-        Ok(Some(Self { text, owner: row.get("noted_by")?, at: row.get("noted")? }))
-    }
-}
 
 /// Who computed a result, when, with which program and at what cost. Results of earlier versions of the
 /// program lack some of these data. Times are in milliseconds since 1970.
@@ -85,20 +52,22 @@ pub struct Provenance {
 }
 
 impl Provenance {
-    pub(crate) async fn of(key: &Key, mut db: impl Tables) -> Result<Option<Self>> {
-        Ok(db.row(Self::query(key)).await?.as_ref().map(Self::read).transpose()?)
+    /// The provenance, with the note that `reader` sees.
+    pub(crate) async fn of(key: &Key, reader: &str, mut db: impl Tables) -> Result<Option<Self>> {
+        Ok(db.row(Self::query(key, reader)).await?.as_ref().map(Self::read).transpose()?)
     }
 
-    pub(crate) fn query(key: &Key) -> Statement {
-        sql!(
+    pub(crate) fn query(key: &Key, reader: &str) -> Statement {
+        let mut query = sql!(
             "SELECT result.key AS key, created, result.owner AS owner, computed, wall, cpu, job, trace,
                  warnings, pinned, pinned_by, last_access, evicted, deleted_by, size, digest, imported, imported_from, verified,
-                 version, numerics, host, architecture, processors, note.text AS note, note.owner AS noted_by,
-                 note.at AS noted, (SELECT count(*) FROM job WHERE job.key = result.key) AS jobs
-             FROM result LEFT JOIN program ON program.id = result.program
-             LEFT JOIN note ON note.key = result.key WHERE result.key = $1";
-            key
-        )
+                 version, numerics, host, architecture, processors,
+                 (SELECT count(*) FROM job WHERE job.key = result.key) AS jobs, "
+        );
+        query.push(notes::COLUMNS);
+        query.push(" FROM result LEFT JOIN program ON program.id = result.program");
+        query.join_note(reader).push(" WHERE result.key = ").push_bind(key);
+        query
     }
 
     fn read(row: &Row) -> sqlx::Result<Self> {

@@ -6,8 +6,9 @@ use std::str::FromStr;
 
 use serde::Deserialize;
 
-use crate::database::{Columns, Result, Row, Statement, Tables, Words, page_of, read, sql};
-use crate::results::library::Note;
+use crate::database::reach::Seen;
+use crate::database::{Columns, Reach, Result, Row, Statement, Tables, Words, page_of, read, sql};
+use crate::results::notes::{self, Note};
 use fretwork_engine::input::quantity::{self, Dimension};
 use fretwork_job::{JobId, Key, Outline, SCALARS, WORDS, clock};
 
@@ -33,8 +34,8 @@ pub struct Search {
     /// Words in labels, tags and notes.
     text: Words,
     keys: Option<Vec<Key>>,
-    /// Labels, tags and words match only jobs of this owner, and the list shows only labels and tags of its jobs.
-    jobs_of: Option<String>,
+    /// Labels, tags and words match only what this caller sees, and the list shows nothing else.
+    reach: Reach,
     order: SortOrder,
 }
 
@@ -189,9 +190,10 @@ impl Search {
         ["created", "size"].into_iter().chain(SCALARS.iter().map(|scalar| scalar.name))
     }
 
-    /// Restricts the search to the labels and tags of jobs of this owner, if one is given.
-    pub fn only_jobs_of(&mut self, owner: Option<&str>) {
-        self.jobs_of = owner.map(str::to_owned);
+    /// Restricts the search to the labels, tags and notes that a caller sees. By default, it has those of all jobs, and no
+    /// private notes.
+    pub fn within(reach: Reach) -> Self {
+        Self { reach, ..Self::default() }
     }
 
     /// Adds one condition, or sets the order.
@@ -291,8 +293,9 @@ impl Search {
             query.push(" WHERE pinned AND pinned_by = ").push_bind(&**owner).push(")");
         }
         if let Some(note) = &self.note {
-            query.push(" AND outline.id IN (SELECT id FROM result_task JOIN note USING (key)");
-            query.push(" WHERE ").push_either("instr", "strpos").push("(lower(text), lower(");
+            query.push(" AND outline.id IN (SELECT id FROM result_task JOIN ");
+            query.notes_within(&self.reach).push(" USING (key) WHERE ");
+            query.push_either("instr", "strpos").push("(lower(text), lower(");
             query.push_bind(&**note).push(")) > 0)");
         }
         if let Some(tag) = &self.tag {
@@ -303,20 +306,13 @@ impl Search {
             query.push(" AND ");
             self.with_job(query, "job", "label", label);
         }
-        query.outline_has_words(&self.text, self.jobs_of.as_deref());
+        query.outline_has_words(&self.text, &self.reach);
         if let Some(keys) = &self.keys {
             query.push(" AND outline.id IN (SELECT id FROM result_task WHERE key IN (");
             for (place, key) in keys.iter().enumerate() {
                 query.push(if place > 0 { ", " } else { "" }).push_bind(key);
             }
             query.push("))");
-        }
-    }
-
-    /// Writes the condition on `job` that the caller may see the job.
-    fn own_jobs(&self, query: &mut Statement) {
-        if let Some(owner) = &self.jobs_of {
-            query.push(" AND job.owner = ").push_bind(&**owner);
         }
     }
 
@@ -331,7 +327,7 @@ impl Search {
         query.push("outline.id IN (SELECT result_task.id FROM ").push(jobs);
         query.push(" JOIN result_task ON result_task.key = job.key WHERE ").push(column);
         query.push(" = ").push_bind(value);
-        self.own_jobs(query);
+        query.job_within(&self.reach);
         query.push(")");
     }
 }
@@ -454,12 +450,15 @@ pub struct Named {
     pub label: Option<String>,
     /// Its tags.
     pub tags: Vec<String>,
+    /// Its owner.
+    pub owner: String,
 }
 
 impl Named {
     fn read(row: &Row) -> sqlx::Result<Option<Self>> {
         let Some(job) = row.get("job")? else { return Ok(None) };
-        Ok(Some(Self { job, label: row.get("label")?, tags: row.get("tags")? }))
+        let (label, tags) = (row.get("label")?, row.get("tags")?);
+        Ok(Some(Self { job, label, tags, owner: row.get("named_by")? }))
     }
 }
 
@@ -521,11 +520,10 @@ pub(crate) fn page(search: &Search, cursor: Option<Cursor>, limit: u32) -> State
     }
     query.push(", CAST(outline.").push(search.order.by).push(
         " AS DOUBLE PRECISION) AS place, result.key AS key, result.created AS created, result.size AS size,
-             result.owner AS owner, pinned, evicted, note.text AS note, note.owner AS noted_by, note.at AS noted,
-             named.id AS job, named.label AS label, named.tags AS tags,
-             CASE WHEN outline.kind = 'sweep' THEN result_task.task END AS sweep
-         FROM (SELECT * FROM outline WHERE ",
+             result.owner AS owner, pinned, evicted, named.id AS job, named.label AS label, named.tags AS tags,
+             named.owner AS named_by, CASE WHEN outline.kind = 'sweep' THEN result_task.task END AS sweep, ",
     );
+    query.push(notes::COLUMNS).push(" FROM (SELECT * FROM outline WHERE ");
     search.conditions(&mut query);
     after(&mut query, search, cursor);
     order(&mut query, search);
@@ -533,18 +531,19 @@ pub(crate) fn page(search: &Search, cursor: Option<Cursor>, limit: u32) -> State
     // The other tables are read only for the rows of the page.
     query.push(
         ") AS outline JOIN result_task ON result_task.id = outline.id
-         JOIN result ON result.key = result_task.key LEFT JOIN note ON note.key = result.key
-         LEFT JOIN job AS named ON named.id = coalesce(",
+         JOIN result ON result.key = result_task.key",
     );
-    for condition in [" AND label IS NOT NULL", ""] {
+    query.join_note(&search.reach.owner).push(" LEFT JOIN job AS named ON named.id = coalesce(");
+    // Whoever sees the names of others sees an own name first.
+    let own = Reach { jobs: Seen::Own, ..search.reach.clone() };
+    let first = (search.reach.jobs == Seen::Shared).then_some((" AND label IS NOT NULL", &own));
+    let others = [(" AND label IS NOT NULL", &search.reach), ("", &search.reach)];
+    for (condition, reach) in first.into_iter().chain(others) {
         query.push("(SELECT id FROM job WHERE job.key = result.key").push(condition);
-        search.own_jobs(&mut query);
-        query.push(" ORDER BY id DESC LIMIT 1)").push(if condition.is_empty() {
-            ")"
-        } else {
-            ", "
-        });
+        query.job_within(reach);
+        query.push(" ORDER BY id DESC LIMIT 1), ");
     }
+    query.push("NULL)");
     order(&mut query, search);
     query
 }

@@ -1,9 +1,9 @@
-//! Stores results, and changes stored ones: pins, notes and deletion.
+//! Stores results, and changes stored ones: pins and deletion.
 
 use sha2::{Digest, Sha256};
 
 use crate::database::{
-    Body, Change, Columns, Connected, Effect, Lock, Result, Row, Statement, Tables, sql,
+    Body, Change, Columns, Connected, Effect, Lock, Reach, Result, Row, Statement, Tables, sql,
 };
 use crate::results::search::names;
 use crate::team::audit::{Act, Actor, record};
@@ -64,14 +64,14 @@ impl Answered {
     }
 }
 
-/// What a change of a pin or a note did.
+/// What a change of a pin did.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Changed {
-    /// The pin or note is as requested, now or already before.
+    /// The pin is as requested, now or already before.
     Done,
     /// There is no such result.
     NotFound,
-    /// The pin or note belongs to this other owner; `None` if its owner is unknown.
+    /// The pin belongs to this other owner; `None` if its owner is unknown.
     OtherOwner(Option<String>),
     /// The pins would take too many bytes.
     QuotaExceeded {
@@ -82,21 +82,6 @@ pub enum Changed {
         /// Whether this is the quota for the pins of all owners together.
         of_all: bool,
     },
-}
-
-/// Who changes a pin or a note.
-#[derive(Debug, Clone)]
-pub struct Editor {
-    /// The owner of the pins and notes that the editor adds.
-    pub owner: String,
-    /// Whether the editor may also change pins and notes of others.
-    pub may_change_all: bool,
-}
-
-impl Editor {
-    pub(crate) fn may_change(&self, owner: Option<&str>) -> bool {
-        self.may_change_all || owner == Some(&self.owner)
-    }
 }
 
 /// Maximum size of the pinned results, in bytes.
@@ -127,7 +112,7 @@ impl PinQuota {
 
 /// Pins a result within the quota, or unpins it.
 pub(crate) async fn pin(
-    (key, pinned, editor, quota): &(Key, bool, Editor, PinQuota),
+    (key, pinned, editor, quota): &(Key, bool, Reach, PinQuota),
     mut tx: Change<'_>,
 ) -> Result<Changed> {
     // Without this lock, several servers could exceed the quota together.
@@ -153,7 +138,7 @@ pub(crate) async fn pin(
         if let Some(exceeded) = quota.exceeded_by(own + bytes, all + bytes) {
             return Ok(exceeded);
         }
-    } else if !editor.may_change(row.text("pinned_by")?) {
+    } else if !editor.may_change(row.text("pinned_by")?.unwrap_or_default()) {
         return Ok(Changed::OtherOwner(row.get("pinned_by")?));
     }
     let owner = pinned.then_some(&editor.owner);
@@ -161,32 +146,6 @@ pub(crate) async fn pin(
         "UPDATE result SET pinned = $2, pinned_by = $3 WHERE key = $1"; key, *pinned, owner
     );
     tx.execute(update).await?;
-    Ok(Changed::Done)
-}
-
-/// Writes the note of a result, or removes it. The result may be evicted.
-pub(crate) async fn annotate(
-    (key, text, editor): &(Key, Option<String>, Editor),
-    mut tx: Change<'_>,
-) -> Result<Changed> {
-    let query = sql!(
-        "SELECT note.owner AS owner FROM result LEFT JOIN note USING (key)
-         WHERE result.key = $1" ["" | " FOR NO KEY UPDATE OF result"] "";
-        key
-    );
-    let Some(row) = tx.row(query).await? else { return Ok(Changed::NotFound) };
-    if let Some(owner) = row.text("owner")?.filter(|owner| !editor.may_change(Some(owner))) {
-        return Ok(Changed::OtherOwner(Some(owner.to_owned())));
-    }
-    let change = match text {
-        Some(text) => sql!(
-            "INSERT INTO note (key, text, owner, at) VALUES ($1, $2, $3, $4)
-             ON CONFLICT (key) DO UPDATE SET text = excluded.text, owner = excluded.owner, at = excluded.at";
-            key, text, &editor.owner, tx.now().await?
-        ),
-        None => sql!("DELETE FROM note WHERE key = $1"; key),
-    };
-    tx.execute(change).await?;
     Ok(Changed::Done)
 }
 

@@ -138,7 +138,7 @@ mod tests {
     #[tokio::test]
     async fn the_jobs_of_a_result_are_counted_with_an_index() {
         let (_dir, db) = open().await;
-        let steps = plan(&db, Provenance::query(&Key::from_bytes([0; 32]))).await;
+        let steps = plan(&db, Provenance::query(&Key::from_bytes([0; 32]), "ada")).await;
         let search = "SEARCH job USING COVERING INDEX job_key (key=?)";
         assert!(steps.iter().any(|step| step == search), "{steps:?}");
         assert!(steps.iter().all(|step| !step.starts_with("SCAN")), "{steps:?}");

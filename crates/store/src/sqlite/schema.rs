@@ -14,7 +14,7 @@ use sqlx::{Connection as _, SqlSafeStr as _, SqliteConnection};
 use crate::database::{Error, Result};
 
 /// The migrations of the schema: version, name and SQL.
-const CHANGES: [(i64, &str, &str); 19] = [
+const CHANGES: [(i64, &str, &str); 20] = [
     (1, "jobs", include_str!("../../../../migrations/sqlite/0001_jobs.sql")),
     (
         2,
@@ -38,6 +38,7 @@ const CHANGES: [(i64, &str, &str); 19] = [
     (17, "stages", include_str!("../../../../migrations/sqlite/0017_stages.sql")),
     (18, "sessions", include_str!("../../../../migrations/sqlite/0018_sessions.sql")),
     (19, "named", include_str!("../../../../migrations/sqlite/0019_named.sql")),
+    (20, "shared names", include_str!("../../../../migrations/sqlite/0020_shared_names.sql")),
 ];
 
 /// All migrations. The macros of sqlx would embed the directory, but they compile SQLite a second time.

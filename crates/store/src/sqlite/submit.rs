@@ -89,6 +89,7 @@ impl NewJob {
             .with(now)
             .with(json(&self.submission_warnings))
             .with(self.submitted.as_deref().map(checksum))
+            .with(self.private)
     }
 
     /// Adds an inserted job to the queue if necessary, and adds the signals. `row` is the row that [`JOB`] has
@@ -126,7 +127,7 @@ const RUN: &str = "
 /// further job of the same result, the previous statement has inserted the previous job.
 const JOB: &str = "
     INSERT INTO job (key, owner, created, id, label, tags, warnings, priority, idempotency_key,
-        fingerprint, submitted, submitted_sum, run, state, attempt, origin, started, finished, changes)
+        fingerprint, submitted, submitted_sum, private, run, state, attempt, origin, started, finished, changes)
     WITH found AS (
         SELECT is_known, run.id AS run, coalesce(run.state, 'succeeded') AS state,
             coalesce(run.attempt, 0) AS attempt, changes() = 1 AND NOT $7 AS is_new,
@@ -134,7 +135,7 @@ const JOB: &str = "
         FROM (SELECT EXISTS (SELECT 1 FROM result WHERE key = $1 AND evicted IS NULL) AS is_known)
         LEFT JOIN run ON run.key = $1 AND run.state IN ('queued', 'running') AND ($5 OR NOT is_known)
     )
-    SELECT $1, $2, iif(is_recorded, $3, $17), $9, $10, $11, $12, $13, $14, $15, $16, $19, run, state,
+    SELECT $1, $2, iif(is_recorded, $3, $17), $9, $10, $11, $12, $13, $14, $15, $16, $19, $20, run, state,
         iif(is_recorded, 1, attempt),
         CASE WHEN is_recorded THEN $8 WHEN run IS NULL THEN 'cached'
             WHEN is_new THEN 'computed' ELSE 'coalesced' END,
@@ -143,7 +144,7 @@ const JOB: &str = "
             || 'succeeded 1 ' || $17, state || ' ' || attempt || ' ' || $17)
     FROM found
     WHERE NOT $7 OR run IS NOT NULL OR (is_known AND NOT $5)
-    RETURNING run, id, owner, key, state, origin, label, tags, warnings, created, started, finished, attempt, priority,
+    RETURNING run, id, owner, key, state, origin, label, tags, private, warnings, created, started, finished, attempt, priority,
         changes, NULL AS recomputed,
         (SELECT progress FROM run WHERE run.id = job.run) AS progress,
         iif(state = 'succeeded', (SELECT summary FROM result WHERE result.key = job.key), NULL)
@@ -175,7 +176,7 @@ struct Recorded {
 }
 
 /// Stores a result and its first job. Only the last statement returns a row, as in [`SUBMIT`].
-static RECORD: LazyLock<String> = LazyLock::new(|| format!("{}; {JOB}", keeping(Reason::Job, 20)));
+static RECORD: LazyLock<String> = LazyLock::new(|| format!("{}; {JOB}", keeping(Reason::Job, 21)));
 
 /// Stores the answer and its jobs, which are finished and have no run. If the result is already stored, or is evicted
 /// and a run is live, the jobs use that result or run, and the answer is dropped. If the result is evicted and no run

@@ -1,8 +1,8 @@
-//! The audit log: who made, revoked and used keys, and who canceled and deleted whose jobs and results.
+//! The audit log: who made, revoked and used keys, and who canceled, deleted and named whose jobs and results.
 //!
 //! An entry is written in the transaction of its act. Equal acts of one day share an entry. All own jobs that an actor
-//! cancels in one day share an entry, too, and so do those that it deletes. So no client can fill the log with ordinary
-//! requests.
+//! cancels in one day share an entry, too, and so do those that it deletes or renames, and its own notes. So no client can
+//! fill the log with ordinary requests.
 
 use crate::database::{Columns, Connected, Result, Row, Tables, cells, read, sql};
 use fretwork_job::words;
@@ -22,6 +22,14 @@ words! {
         DeleteJob = "delete_job",
         /// A result was deleted.
         DeleteResult = "delete_result",
+        /// The label, the tags or the privacy of a job was changed.
+        RenameJob = "rename_job",
+        /// The note of a result was written or deleted.
+        ChangeNote = "change_note",
+        /// The earlier names of an owner were shared.
+        ShareNames = "share_names",
+        /// The names of an owner were given to another one.
+        GiveNames = "give_names",
     }
 }
 
@@ -83,9 +91,10 @@ pub(crate) async fn record(
     subject: &str,
     owner: &str,
 ) -> Result<()> {
-    // All own jobs of an actor share an entry, which has no subject.
-    let own_job = matches!(act, Act::CancelJob | Act::DeleteJob) && actor.name == owner;
-    let subject = if own_job { "" } else { subject };
+    // All own jobs of an actor share an entry, which has no subject, and so do all own notes.
+    let shares_entry =
+        matches!(act, Act::CancelJob | Act::DeleteJob | Act::RenameJob | Act::ChangeNote);
+    let subject = if shares_entry && actor.name == owner { "" } else { subject };
     let entry = sql!(
         "INSERT INTO audit (first, last, times, act, actor, key, subject, owner)
          VALUES ($1, $1, 1, $2, $3, $4, $5, $6)

@@ -45,6 +45,8 @@ pub struct AccessKey {
     pub role: Role,
     /// Requests per minute; `None` means the limit of the server.
     pub per_minute: Option<u32>,
+    /// Whether the names that its holder gives are private.
+    pub private: bool,
     /// When it was created. Times are in milliseconds since 1970.
     pub created: i64,
     /// When it expires.
@@ -59,7 +61,7 @@ pub struct AccessKey {
 impl AccessKey {
     fn read(row: &Row) -> sqlx::Result<Self> {
         Ok(read!(row => Self {
-            id, name, role, per_minute, created, expires, revoked, last_used, digest
+            id, name, role, per_minute, private, created, expires, revoked, last_used, digest
         }))
     }
 
@@ -97,6 +99,8 @@ pub struct NewKey {
     pub per_minute: Option<u32>,
     /// When it expires, in milliseconds since 1970.
     pub expires: Option<i64>,
+    /// Whether the names that its holder gives are private.
+    pub private: bool,
 }
 
 impl NewKey {
@@ -118,7 +122,7 @@ fn random<const BYTES: usize>() -> Result<String> {
 /// All keys, also expired and revoked ones, the oldest first.
 pub(crate) async fn list(mut db: impl Tables) -> Result<Vec<AccessKey>> {
     let keys = sql!(
-        "SELECT id, name, role, digest, per_minute, created, expires, revoked, last_used FROM access_key
+        "SELECT id, name, role, digest, per_minute, private, created, expires, revoked, last_used FROM access_key
          ORDER BY created, id"
     );
     Ok(db.rows(keys).await?.iter().map(AccessKey::read).collect::<Result<_, _>>()?)
@@ -131,9 +135,9 @@ pub(crate) async fn add(
 ) -> Result<()> {
     let now = tx.now().await?;
     let insert = sql!(
-        "INSERT INTO access_key (id, name, role, digest, per_minute, created, expires)
-         VALUES ($1, $2, $3, $4, $5, $6, $7)";
-        id, &new.name, new.role.as_str(), &digest(key), new.per_minute, now, new.expires
+        "INSERT INTO access_key (id, name, role, digest, per_minute, created, expires, private)
+         VALUES ($1, $2, $3, $4, $5, $6, $7, $8)";
+        id, &new.name, new.role.as_str(), &digest(key), new.per_minute, now, new.expires, new.private
     );
     tx.execute(insert).await?;
     record(&mut tx, now, (by, Act::AddKey), id, &new.name).await

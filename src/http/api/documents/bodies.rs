@@ -24,6 +24,8 @@ bodies! {
         /// Words to find the job by. They are not part of the key.
         #[schema(required = false, max_items = 20)]
         tags: BTreeSet<Tag>,
+        /// Whether only the owner and administrators see the job, with its label and tags. By default what the key says.
+        private: Option<bool>,
     }
 
     /// A scenario to evaluate, and what to return. At least one of `outputs` and `parts` must have an item.
@@ -203,7 +205,7 @@ bodies! {
     }
 }
 
-/// A change of the label and the tags of a job.
+/// A change of the label, the tags and the privacy of a job.
 #[derive(ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Naming {
@@ -213,6 +215,9 @@ pub struct Naming {
     /// The new words to find the job by.
     #[schema(required = false, max_items = 20)]
     tags: BTreeSet<Tag>,
+    /// Whether only the owner and administrators see the job.
+    #[schema(nullable = false)]
+    private: Option<bool>,
 }
 
 /// Numbers, each in SI or as a text with a unit.

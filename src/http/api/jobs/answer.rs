@@ -31,7 +31,6 @@ pub struct JobAnswer {
     #[schema(value_type = schemas::JobState)]
     state: JobState,
     /// Its owner: the name of the key that submitted it, or the address of the client on a server without keys.
-    /// Only administrators see the jobs of others.
     #[schema(example = "anna")]
     owner: String,
     /// The key of the result, which is the same for every submission of the same scenario.
@@ -57,6 +56,8 @@ pub struct JobAnswer {
     label: Option<String>,
     /// Words for filters, as submitted.
     tags: Vec<String>,
+    /// Whether only the owner and administrators see the job, with its label and tags.
+    private: bool,
     /// The last entry of the history, and the regime of the unworn contact; null until the job has succeeded.
     #[schema(value_type = Option<Object>)]
     summary: Option<Value>,
@@ -137,6 +138,7 @@ impl From<Job> for JobAnswer {
             },
             label: job.label,
             tags: job.tags,
+            private: job.private,
             summary: job.summary,
             recomputed: job.recomputed,
             warnings: warnings(job.warnings, &job.key, job.recomputed, job.verified),
@@ -210,11 +212,12 @@ pub(super) async fn answer(
     job: Job,
     include: Include,
 ) -> Result<Response> {
-    let asked = if include.scenario || include.submitted {
+    let mut asked = if include.scenario || include.submitted {
         app.store.asked(job.id).await?
     } else {
         Asked::default()
     };
+    asked.submitted = asked.submitted.filter(|_| caller.reach().may_change(&job.owner));
     let result = if include.result { Some(result_of(app, caller, &job).await?) } else { None };
     write(job, include.members(&asked), result)
 }

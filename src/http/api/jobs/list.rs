@@ -52,6 +52,7 @@ pub async fn list(
     mut query: Query,
 ) -> Result<Response> {
     let mut filter = read_filter(&mut query, &caller);
+    filter.reach = caller.reach();
     filter.oldest_first = either(&mut query, "sort", ["-created", "created"]) == Some(true);
     let view = ListView::take(&mut query, &headers, [50, 200]);
     let cursor = query.value("cursor", "the id of a job", |text| text.parse().ok());
@@ -61,7 +62,7 @@ pub async fn list(
             let (app, caller, filter) = (app.clone(), caller.clone(), filter.clone());
             async move {
                 let _turn = app.shares.heavy.turn(&caller.owner).await;
-                let page = app.service.jobs(caller.reach(), filter, cursor, view.page).await?;
+                let page = app.store.jobs(&filter, cursor, view.page).await?;
                 Ok((page.jobs.into_iter().map(line).collect(), page.next))
             }
         };
@@ -69,9 +70,8 @@ pub async fn list(
         return listed::answer(("jobs", columns), &uri, as_csv, cursor, read).await;
     }
     let _turn = app.shares.heavy.turn(&caller.owner).await;
-    let page = app.service.jobs(caller.reach(), filter.clone(), cursor, view.page).await?;
-    let total =
-        if view.count { Some(app.service.count(caller.reach(), filter).await?) } else { None };
+    let page = app.store.jobs(&filter, cursor, view.page).await?;
+    let total = if view.count { Some(app.store.count_jobs(&filter).await?) } else { None };
     let (next, link) = next_page(&uri, page.next);
     let jobs = page.jobs.into_iter().map(JobAnswer::from).collect();
     Ok((link, axum::Json(JobList { jobs, next, total })).into_response())
@@ -108,28 +108,20 @@ fn line(job: Job) -> String {
 pub(super) fn read_filter(query: &mut Query, caller: &Caller) -> Filter {
     let states = JobState::ALL.map(JobState::as_str).join(", ");
     let key = "a key of 64 lower-case hexadecimal digits";
-    let whose = match caller.reach() {
-        Some(_) => "\"me\", because only administrators see the jobs of others",
-        None => "\"me\" or the name of an owner",
-    };
     Filter {
         state: query.value("state", format_args!("one of {states}"), |text| text.parse().ok()),
         label: query.text("label"),
         tag: query.text("tag"),
         words: read_words(query),
-        oldest_first: false,
         key: query.value("key", key, |text| text.parse().ok()),
-        owner: query.value("owner", whose, |text| caller.owner_named(text)),
+        owner: query.text("owner").map(|name| caller.owner_named(name)),
+        ..Filter::default()
     }
 }
 
 fn read_words(query: &mut Query) -> Words {
-    match query.text("q").unwrap_or_default().parse() {
-        Ok(words) => words,
-        Err(fault) => {
-            let fault: String = fault;
-            query.complain("q", fault);
-            Words::default()
-        }
-    }
+    query.text("q").unwrap_or_default().parse().unwrap_or_else(|fault: String| {
+        query.complain("q", fault);
+        Words::default()
+    })
 }

@@ -113,6 +113,7 @@ fn terms(caller: Caller, headers: &HeaderMap) -> Result<Terms> {
     let only_known = says(headers, "only-if-cached");
     Ok(Terms {
         owner: caller.owner,
+        private: caller.private,
         priority: urgency(headers),
         idempotency_key: idempotency_key(headers)?,
         afresh: says(headers, "no-cache") && !only_known,

@@ -81,7 +81,7 @@ export async function showKeys(main, { signal }) {
       if (await isSureToRevoke(key)) await change(() => send(`/v1/keys/${id}`, { method: "DELETE" }));
     } }, "Revoke");
     return h("tr", { "data-key": id }, h("th", { scope: "row" }, name, isOwn && h("span", { class: "muted" }, " (your key)"), h("code", { class: "muted" }, id)),
-      h("td", {}, role), h("td", {}, stateOf(key)), h("td", {}, limit ? `${cycles(limit)} per minute` : "No limit"),
+      h("td", {}, role, key.private && ", private names"), h("td", {}, stateOf(key)), h("td", {}, limit ? `${cycles(limit)} per minute` : "No limit"),
       h("td", { "data-name": "Made" }, dateTime(created)), h("td", { "data-name": "Last used" }, used ? dateTime(used) : "Never"), h("td", {}, isValid(key) && revoke));
   }
 
@@ -109,11 +109,12 @@ function newKey(make) {
     rate.hidden = limit.value !== "own";
     rate.required = !rate.hidden;
   } });
+  const names = select({ "": "All users see them", private: "Only the owner sees them" }, "", { id: "key-names" });
   return h("form", { class: "card new-key", "aria-label": "New key", onsubmit: async (event) => {
     event.preventDefault();
-    const wanted = { name: name.value, role: role.value, ...(expires.value && { expires_in: expires.value }),
+    const wanted = { name: name.value, role: role.value, private: names.value !== "", ...(expires.value && { expires_in: expires.value }),
       ...(limit.value && { requests_per_minute: limit.value === "own" ? Number(rate.value) : 0 }) };
     if (await make(wanted)) name.value = "";
-  } }, field("Name", name), field("Role", role), field("Expires", expires), field("Requests", limit, rate),
+  } }, field("Name", name), field("Role", role), field("Expires", expires), field("Requests", limit, rate), field("Labels, tags and notes", names),
   h("button", { class: "primary" }, "Make a key"), meaning);
 }

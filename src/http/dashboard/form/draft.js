@@ -47,7 +47,7 @@ export class Draft {
     const abort = new AbortController();
     this.#abort = abort;
     try {
-      const job = await post("/v1/jobs", { scenario, tags: [DRAFT] }, { headers: { "Idempotency-Key": idempotencyKey() } });
+      const job = await post("/v1/jobs", { scenario, tags: [DRAFT], private: true }, { headers: { "Idempotency-Key": idempotencyKey() } });
       const address = jobAddress(job.id);
       // An unfinished job of a form that has changed or is left has no use.
       const cancel = () => post(`${address}/cancel`).catch(() => null);

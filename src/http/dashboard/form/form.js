@@ -6,6 +6,7 @@ import { debounced, explained, fill, h, notify, select } from "../page/dom.js";
 import { takeDropped } from "../page/dropped.js";
 import { useLimits } from "../quantities/limits.js";
 import { may } from "../access/allowed.js";
+import { signedIn } from "../access/sign-in.js";
 import { get, idempotencyKey, Problem, post } from "../access/api.js";
 import { kindOf, sourceOf, sourceTag } from "../library/summary.js";
 import { choose, isPossible, jobBody, newStudy, OFFERS, studyOf, varied } from "../study/vary.js";
@@ -115,6 +116,7 @@ export async function showForm(main, { query: asked, signal }) {
     record("label");
     remember();
   } });
+  const privately = h("input", { id: "privately", type: "checkbox", checked: signedIn()?.private });
   const keep = h("button", { class: "primary", type: "submit", "aria-keyshortcuts": "Control+Enter", title: "Ctrl+Enter saves the run from every field" }, "Save");
   const undoButton = h("button", { type: "button", id: "undo", title: "Undo the last change (Ctrl+Z)", onclick: () => restore(undo.undo()) }, "Undo");
   const chooseExample = select({ "": "Custom scenario", ...Object.fromEntries(examples.map(({ name, label }) => [name, label ?? name])) },
@@ -348,7 +350,7 @@ export async function showForm(main, { query: asked, signal }) {
     allowKeep();
     try {
       const headers = { Prefer: "wait=1", "Idempotency-Key": idempotencyKey() };
-      const job = await post("/v1/jobs", { ...jobBody(form.scenario, form.study), ...(label() && { label: label() }),
+      const job = await post("/v1/jobs", { ...jobBody(form.scenario, form.study), ...(label() && { label: label() }), private: privately.checked,
         ...(form.source && !isStudy() && { tags: [sourceTag(form.source)] }) }, { headers });
       await showWithRun(job.key);
       // The user may have opened another view meanwhile.
@@ -391,7 +393,8 @@ export async function showForm(main, { query: asked, signal }) {
     h("form", { class: "maker", onsubmit: submit, noValidate: true, onkeydown: pressed },
       h("div", { class: "bar run" }, skip, heading,
         h("div", { class: "field", hidden: !may("read") }, h("label", { for: "example" }, "Start from"), chooseExample),
-        h("div", { class: "field" }, h("label", { for: "label" }, "Name"), labelField), undoButton, may("submit") && keep),
+        h("div", { class: "field" }, h("label", { for: "label" }, "Name"), labelField), signedIn() && may("submit") && h("label", { class: "option",
+          title: "Others do not see this run, its name and its tags. Administrators do. The numbers of its result are in the library." }, privately, "Only I see the name"), undoButton, may("submit") && keep),
       kept?.element, aboutExample,
       h("div", { class: "two" }, left, side)));
   // The unit of a number without a unit follows the choice.

@@ -117,12 +117,19 @@ async function addPinAndNote(row, others, key, signal) {
   };
   const edit = button("Note", async () => {
     const draft = `${caller()?.name} ${key}`;
-    const text = await askNote(note?.text ?? "", draft);
-    if (text === null) return;
-    if (text) await send(resultAddress(key, "/note"), { method: "PUT", body: { text } });
-    else if (note) await send(resultAddress(key, "/note"), { method: "DELETE" });
+    const address = resultAddress(key, "/note");
+    const read = () => get(address).catch((problem) => (problem.status === 404 ? null : Promise.reject(problem)));
+    let text, change = "";
+    for (let isSaved = false; !isSaved;) {
+      text = await askNote(note?.text ?? "", draft, change);
+      if (text === null) return drawNote();
+      const given = { ...(text ? { method: "PUT", body: { text } } : { method: "DELETE" }), headers: note ? { "If-Match": note.etag } : {} };
+      isSaved = await send(address, given).catch((problem) => (problem.status === 412 ? false : Promise.reject(problem)));
+      note = await read();
+      drafts.set(draft, text);
+      change = note ? `${note.owner} has changed the note: “${note.text}” Your text is below. Save it in place of that, or take over what you need.` : "Somebody has deleted the note. Your text is below.";
+    }
     drafts.delete(draft);
-    note = text ? { ...note, text } : null;
     notify(text ? "Note saved." : "Note deleted.");
     drawNote();
   });
@@ -135,10 +142,10 @@ async function addPinAndNote(row, others, key, signal) {
 const drafts = new Map();
 
 /** Asks for the text of a note. Resolves to null if the user cancels, which discards the text, or leaves the dialog, which keeps it as `draft`. */
-async function askNote(text, draft) {
+async function askNote(text, draft, change) {
   const field = h("textarea", { id: "note", rows: 4, maxLength: 4000, value: drafts.get(draft) ?? text, oninput: () => drafts.set(draft, field.value) });
-  const sure = await isSure("Note", [h("label", { for: "note" }, "Note on this result"), field,
-    h("p", { class: "muted" }, drafts.has(draft) && "This text is not saved yet. ", "All users of this server see the note.")], "Save");
+  const sure = await isSure("Note", [change && h("p", { class: "warning" }, change), h("label", { for: "note" }, "Note on this result"), field,
+    h("p", { class: "muted" }, drafts.has(draft) && "This text is not saved yet. ", caller().private ? "Only you see the note." : "All users of this server see the note.")], "Save");
   if (sure === false) drafts.delete(draft);
   return sure ? field.value.trim() : null;
 }

@@ -3,6 +3,7 @@
 import { capital, dateTime, h, svg } from "../page/dom.js";
 import { cycles, quantity, WORDS } from "../quantities/units.js";
 import { KINDS } from "../quantities/words.js";
+import { beside } from "./owners.js";
 import { draftMark, isDraft, sourceOf, subtitle, title } from "./summary.js";
 
 /** What a result is called: its label, or what it computes. `more` tells it from others. */
@@ -27,14 +28,14 @@ const word = (name) => ({ heading: capital(name), width: 9, cell: (entry) => WOR
 const number = (name, heading = WORDS[name], width = 8.5) => ({ heading, width, sort: name, isNumber: true,
   cell: ({ values }, texts) => values[name] != null && texts[name](values[name]) });
 
-const note = ({ note: own }) => own && h("span", { title: own.text }, own.text);
+const note = ({ note: own }) => own && h("span", { title: own.text }, own.text, beside(own.owner));
 const tags = (entry) => [entry.tags.filter((tag) => !isDraft({ tags: [tag] }) && !sourceOf([tag])).map((tag) => h("span", { class: "tag" }, tag)),
   isDraft(entry) && !entry.label && draftMark()];
 
 const name = (entry) => [
   h("a", { href: `#/result/${entry.key}`, title: nameOfEntry(entry) }, nameOfEntry(entry)),
   h("p", { class: "muted" }, entry.pinned && h("span", { class: "state", title: "This result will not be deleted automatically" }, "pinned"),
-    entry.label ? title(entry) : subtitle(entry))];
+    entry.label ? title(entry) : subtitle(entry), entry.label && beside(entry.submitted_by))];
 
 /** All columns. `width` is in rem. `sort` is the name by which the server sorts. */
 export const COLUMNS = {

@@ -9,6 +9,7 @@ import { get } from "../access/api.js";
 import { errorCard } from "../access/error.js";
 import { askDelete, askLabel, askTags, compareLink, saveTable } from "./selected.js";
 import { chosenColumns, COLUMNS, keepColumns } from "./columns.js";
+import { Everybody, isOwn } from "./owners.js";
 import { Table } from "./table.js";
 
 const anyOf = (word) => ({ "": "Any", ...Object.fromEntries(SEARCHED[word].map((name) => [name, WORDS[name] ?? name])) });
@@ -19,7 +20,6 @@ const OPTIONS = {
   method: ["Method", anyOf("method")],
   regime: ["Regime, unworn", anyOf("regime")],
   pinned: ["Pinned", { "": "Any", true: "Pinned only" }],
-  submitted_by: ["Submitted by", { "": "Anyone", me: "Me" }],
 };
 /** The filters that are text, each with an example. */
 const TEXTS = {
@@ -46,15 +46,15 @@ export async function showLibrary(main, { query, signal }) {
   const filters = () => new URLSearchParams(Object.entries(inputs)
     .map(([name, input]) => [name, input.value.trim()]).filter(([, text]) => text));
 
-  /** What the user sees: the filters and the order. */
+  /** What the user sees: the filters, whose results, and the order. */
   function asked() {
-    const words = filters();
+    const words = everybody.restrict(filters());
     words.set("sort", table.sort);
     return words;
   }
 
   function remember() {
-    const words = filters();
+    const words = everybody.keep(filters());
     if (table.sort !== NEWEST) words.set("sort", table.sort);
     const columns = keepColumns(table.columns);
     if (columns) words.set("columns", columns);
@@ -65,15 +65,15 @@ export async function showLibrary(main, { query, signal }) {
     errors.replaceChildren();
     await table.search(asked());
     clear.hidden = !filters().size;
-    fill(table.empty, filters().size ? `No match. Change the search or the filters.${may("administrate") ? "" : " Labels and tags of other people are not searched."}`
+    fill(table.empty, filters().size ? `No match. Change the search or the filters${everybody.value ? ", or search the results of all users" : ""}.`
       : may("submit") ? ["No results yet. ", h("a", { href: "#/new" }, "Start a run"), "."] : "No results yet.");
   }
 
   /** Counts the results. This is a request of its own, so that the rows do not wait for it. */
   async function countAll() {
-    const words = String(filters());
+    const words = String(everybody.restrict(filters()));
     const found = await get(`/v1/results?${words}&limit=1&count=true`, { signal }).catch(() => null);
-    if (words !== String(filters())) return;
+    if (words !== String(everybody.restrict(filters()))) return;
     count = found?.total ?? null;
     drawTotal();
   }
@@ -126,8 +126,8 @@ export async function showLibrary(main, { query, signal }) {
     shown = now;
     const isChosen = entries.length > 0;
     fill(actions, isChosen && [compareLink(entries),
-      // The label and the tags are those of a run of the user.
-      may("submit") && entries.every(({ job }) => job) && [action("Rename", askLabel), action("Tag", askTags)],
+      may("submit") && entries.every(({ job }) => job) && [
+        (may("administrate") || entries.every((entry) => isOwn(entry.submitted_by))) && action("Rename", askLabel), action("Tag", askTags)],
       may("administrate") ? action("Delete", askDelete, true) : may("submit") && h("span", { class: "muted" }, "Administrators can delete results.")],
     action(isChosen ? "CSV of selection" : "CSV of all found", (own) => saveTable(own, asked())),
     isChosen && h("button", { type: "button", onclick: () => table.clearChoice() }, "Clear selection"), columns);
@@ -141,10 +141,9 @@ export async function showLibrary(main, { query, signal }) {
     return h("div", { class: "field" }, h("label", { for: properties.id }, label), inputs[name]);
   }
 
-  // Only administrators see the labels and tags of others.
-  const searched = may("administrate") ? "labels, tags and notes" : may("submit") ? "your labels and tags, and in all notes" : "notes";
+  const everybody = new Everybody("submitted_by", query, searchSoon);
   inputs.q = h("input", { id: "find-q", type: "search", value: query.get("q") ?? "", autocomplete: "off", oninput: searchSoon,
-    placeholder: `Words in ${searched}`, "aria-label": `Search in ${searched}` });
+    placeholder: "Words in labels, tags and notes", "aria-label": "Search in labels, tags and notes" });
   const clear = h("button", { type: "button", id: "clear-filters", onclick: () => {
     for (const input of Object.values(inputs)) input.value = "";
     inputs.q.focus();
@@ -152,9 +151,7 @@ export async function showLibrary(main, { query, signal }) {
   } }, "Clear filters");
   const fields = [Object.entries(OPTIONS).map(([name, [label, options]]) => filter(name, label, options)),
     Object.entries(TEXTS).map(([name, [label, example]]) => filter(name, label, null, example))];
-  const form = h("form", { class: "card search", role: "search", onsubmit: (event) => event.preventDefault() }, h("div", { class: "row" }, inputs.q, clear),
-    !may("administrate") && h("p", { class: "muted", id: "whose" }, may("submit") ? "You see the names and tags of your own results. Others have names made of their values."
-      : "Names are made of the values. Only its owner and administrators see the name that a user gave."),
+  const form = h("form", { class: "card search", role: "search", onsubmit: (event) => event.preventDefault() }, h("div", { class: "row" }, inputs.q, everybody.element, clear),
     h("details", { open: Object.keys(inputs).some((name) => name !== "q" && query.get(name)) }, h("summary", {}, "Filters"), h("div", { class: "filters" }, fields,
       h("p", { class: "muted" }, "Ranges: 0.6..0.8 is between, ..5 µm is at most, and 50 N.. is at least. Days are in UTC: 2026-01-31 or 2026-01-01..2026-01-31."))));
   main.replaceChildren(h("div", { class: "head" }, h("h1", {}, "Library"), total), form, errors, actions, table.element);

@@ -13,7 +13,7 @@ const KEYS = 100;
 
 const counted = (count) => `${count} ${count === 1 ? "result" : "results"}`;
 /** Who sees labels and tags. */
-const SEEN = "On a server with keys, only you and administrators see labels and tags.";
+const SEEN = "All users see labels and tags, except those of private runs.";
 
 const split = (text) => text.split(",").map((tag) => tag.trim()).filter(Boolean);
 
@@ -35,7 +35,7 @@ function report(done, count, problems) {
 /** Changes the labels or the tags of entries. `naming(entry)` is the change of one of them. */
 async function rename(entries, done, naming) {
   const problems = await each(entries, async (entry) => {
-    const job = await get(jobAddress(entry.job), { method: "PATCH", body: naming(entry) });
+    const job = await get(jobAddress(entry.job), { method: "PATCH", body: await naming(entry) });
     Object.assign(entry, { label: job.label, tags: job.tags });
   });
   report(done, entries.length, problems);
@@ -67,7 +67,8 @@ export async function askTags(entries) {
   const changed = ({ tags }) => [...new Set([...tags, ...add])].filter((tag) => !remove.includes(tag));
   const others = entries.filter((entry) => changed(entry).join() !== entry.tags.join());
   if (!others.length) notify("No tag has changed.");
-  else await rename(others, "Changed the tags of", (entry) => ({ tags: changed(entry) }));
+  // Somebody may have added tags since the list was read.
+  else await rename(others, "Changed the tags of", async ({ job }) => ({ tags: changed(await get(jobAddress(job))) }));
   return true;
 }
 

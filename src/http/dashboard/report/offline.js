@@ -21,9 +21,9 @@ export async function get(address) {
 // The modules import these names, and a guest has no button that calls them.
 export const [jobAddress, post, idempotencyKey] = [resultAddress, get, () => ""];
 
-// In place of library/actions.js, library/derived.js and study/vary.js: a file offers no action of a server.
+// In place of library/actions.js, library/derived.js, library/owners.js and study/vary.js: a file offers no action of a server.
 
-export const [drawActions, drawSource, linkEnd, sharing, createLink, editLink] = Array(6).fill(() => null);
+export const [drawActions, drawSource, linkEnd, sharing, createLink, editLink, beside, ownFirst] = Array(8).fill(() => null);
 
 // In place of access/allowed.js.
 

@@ -10,7 +10,8 @@ import { drawHistory, drawLoop, drawProfile, HISTORIES, historyTitle, nearest, P
 import { drawActions } from "../library/actions.js";
 import { drawSource } from "../library/derived.js";
 import { jobsOf, loadResult, loadWarnings } from "../library/stored.js";
-import { entryOf, kindOf, labelOf, sourceOf, subtitle, title } from "../library/summary.js";
+import { beside } from "../library/owners.js";
+import { entryOf, kindOf, sourceOf, subtitle, title } from "../library/summary.js";
 import { editLink } from "../study/vary.js";
 import { measuring } from "../measure/measure.js";
 import { drawDetails } from "./details.js";
@@ -20,12 +21,13 @@ import { Section } from "./section.js";
 import { patience, smooth } from "./smooth.js";
 import { drawWarning, isAtNumber, ownWarnings } from "./warnings.js";
 
-/** The label, the source and the submitted scenario of a job, by default of the latest job of the result. With `id`, also its warnings. */
+/** The label, the source and the submitted scenario of a job, by default of the latest own job of the result. With `id`, also its warnings. */
 async function loadJob(key, id, signal) {
   const jobs = await jobsOf(key, signal);
   const job = id ?? jobs[0]?.id;
   const own = job && (await get(jobAddress(job, "?include=submitted"), { signal }).catch(() => null));
-  return { label: own?.label || labelOf(jobs), submitted: own?.submitted, warnings: id && own?.warnings,
+  const named = own?.label ? own : jobs.find(({ label }) => label);
+  return { label: named?.label ?? "", owner: named?.owner, submitted: own?.submitted, warnings: id && own?.warnings,
     source: id ? sourceOf(own?.tags) : jobs.map(({ tags }) => sourceOf(tags)).find(Boolean) };
 }
 
@@ -160,7 +162,7 @@ export async function showResult(main, { id: key, query, signal }) {
   fill(main,
     h("div", { class: "head" }, h("div", {},
       h("h1", {}, heading),
-      job.label && h("p", { id: "result-label" }, job.label),
+      job.label && h("p", { id: "result-label" }, job.label, beside(job.owner)),
       derived,
       h("p", { class: "muted" }, `${subtitle(entryOf(result))}`),
       drawStamp(signal)),

@@ -6,6 +6,7 @@ import { may } from "../access/allowed.js";
 import { events, get, jobAddress, post } from "../access/api.js";
 import { errorCard } from "../access/error.js";
 import { drawSource } from "../library/derived.js";
+import { beside, isOwn } from "../library/owners.js";
 import { entryOf, kindOf, nameOf, sourceOf, subtitle, title } from "../library/summary.js";
 import { editLink } from "../study/vary.js";
 import { submitStudy } from "./again.js";
@@ -67,7 +68,7 @@ export async function showRun(main, { id, query, signal }) {
     bar.value = job.state === "canceled" ? farthest : job.progress;
     const reached = `${Math.floor(farthest * 100)}\u00a0%`;
     percentage.textContent = job.state === "queued" ? "" : job.state !== "canceled" ? reached : farthest >= 0.01 ? `at ${reached}` : "";
-    cancel.hidden = !OPEN.includes(job.state) || !may("submit");
+    cancel.hidden = !OPEN.includes(job.state) || !may(isOwn(job.owner) ? "submit" : "administrate");
     edit.className = cancel.hidden ? "button primary" : "button";
     drawTimes();
     if (job.state === "failed") fill(outcome, errorCard(job.error));
@@ -84,7 +85,7 @@ export async function showRun(main, { id, query, signal }) {
     const elapsed = started && Math.max(0, (Date.parse(finished ?? new Date()) - Date.parse(started)) / 1000);
     const left = job.state === "running" ? remaining.seconds(job) : null;
     fill(times, list([
-      ["Submitted", dateTime(created)],
+      ["Submitted", [dateTime(created), beside(job.owner)]],
       job.state === "queued" && ["Waiting for", "A free worker. Users take turns."],
       started && [finished ? "Duration" : "Running for", duration(elapsed)],
       job.state === "running" && ["Time left (estimate)", left === null ? "Not available yet" : duration(left), "left"],

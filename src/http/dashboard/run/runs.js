@@ -6,6 +6,7 @@ import { columnOf } from "../quantities/scaling.js";
 import { may } from "../access/allowed.js";
 import { get, jobAddress, post, send } from "../access/api.js";
 import { saveAs } from "../figure/save.js";
+import { beside, Everybody, isOwn } from "../library/owners.js";
 import { draftMark, DRAFTS, isDraft, knownName, loadNames } from "../library/summary.js";
 
 const REFRESH_MS = 2000;
@@ -24,7 +25,7 @@ export async function showRuns(main, { query, signal }) {
     query.get("state"), { id: "state-filter", onchange: search });
   const words = h("input", { id: "find-runs", type: "search", value: query.get("q") ?? "", autocomplete: "off", oninput: debounced(200, search),
     placeholder: "Words in labels, tags and notes", "aria-label": "Search in labels, tags and notes" });
-  const owner = select({ "": "Anyone", me: "Me" }, query.get("owner"), { id: "owner-filter", onchange: search });
+  const everybody = new Everybody("owner", query, search);
   let sort = query.get("sort") ?? "";
   let older = [], next = null;
   const submitted = h("th", { scope: "col" }, h("button", { type: "button", class: "sort", onclick: () => {
@@ -33,16 +34,17 @@ export async function showRuns(main, { query, signal }) {
   } }, "Submitted"));
 
   /** The filters without the order. */
-  const filters = () => new URLSearchParams(Object.entries({ q: words.value.trim(), state: state.value, owner: owner.value }).filter(([, text]) => text));
-  function asked() {
-    const all = filters();
+  const filters = () => new URLSearchParams(Object.entries({ q: words.value.trim(), state: state.value }).filter(([, text]) => text));
+  function ordered(all) {
     if (sort) all.set("sort", sort);
     return all;
   }
+  const asked = () => ordered(everybody.restrict(filters()));
 
   function search() {
     if (signal.aborted) return;
-    keepState(`#/runs${asked().size ? `?${asked()}` : ""}`);
+    const kept = ordered(everybody.keep(filters()));
+    keepState(`#/runs${kept.size ? `?${kept}` : ""}`);
     older = [];
     read();
   }
@@ -68,7 +70,7 @@ export async function showRuns(main, { query, signal }) {
     const volume = columnOf("m^3", jobs.map(({ summary }) => summary?.wear_volume));
     list.replaceChildren(...jobs.map((job) => drawRow(job, volume)));
     if (focused) list.querySelector(`[data-job="${focused}"]`)?.focus();
-    empty.replaceChildren(...(jobs.length ? [] : filters().size ? ["No match. Change the search or the filters."]
+    empty.replaceChildren(...(jobs.length ? [] : filters().size ? [`No match. Change the search or the filters${everybody.value ? ", or search the runs of all users" : ""}.`]
       : may("submit") ? ["No runs yet. ", h("a", { href: "#/new" }, "Start a run"), "."] : ["No runs yet."]));
     more.hidden = !next;
     drafts.hidden = !jobs.some(isDraft);
@@ -82,13 +84,13 @@ export async function showRuns(main, { query, signal }) {
     const done = job.state === "succeeded";
     return h("tr", {},
       h("th", { scope: "row" }, h("a", { href: done ? `#/result/${job.key}?job=${job.id}` : `#/run/${job.id}`, "data-name": job.id }, name),
-        isDraft(job) && draftMark()),
+        beside(job.owner), isDraft(job) && draftMark()),
       h("td", {}, h("span", { class: `state ${job.state}` }, job.state),
         OPEN.includes(job.state) && h("progress", { max: 1, value: job.progress, "aria-label": "Progress" })),
       h("td", {}, dateTime(job.times.created)),
       h("td", {}, done && ORIGINS[job.origin]),
       h("td", {}, job.summary && volume(job.summary.wear_volume)),
-      h("td", {}, may("submit") && OPEN.includes(job.state) && h("button", { type: "button", "data-job": job.id, onclick: async () => {
+      h("td", {}, may(isOwn(job.owner) ? "submit" : "administrate") && OPEN.includes(job.state) && h("button", { type: "button", "data-job": job.id, onclick: async () => {
         await post(jobAddress(job.id, "/cancel")).catch((problem) => notify(problem.detail));
         read();
       }, "aria-label": `Cancel ${knownName(job) ?? job.id}` }, "Cancel")));
@@ -97,9 +99,8 @@ export async function showRuns(main, { query, signal }) {
   await read();
   const save = button("CSV of all found", async () => saveAs("fretwork-runs.csv",
     await (await send(`/v1/jobs?${asked()}&format=csv&comments=none`, { headers: { Accept: "*/*" } })).text(), "text/csv"));
-  // Only administrators see the runs of others.
   main.replaceChildren(h("div", { class: "head" }, h("h1", {}, "Runs"), words,
-    choice("State", state), may("administrate") && choice("Submitted by", owner), save),
+    choice("State", state), everybody.element, save),
   h("div", { class: "card scroll", tabIndex: 0, role: "region", "aria-label": "Runs" },
     h("table", { class: "jobs" }, h("thead", {}, h("tr", {}, ["Run", "State", submitted, "Result", "Wear volume"].map((name) =>
       name === submitted ? name : h("th", { scope: "col" }, name)), h("td", {}))), list), empty), drafts, more);

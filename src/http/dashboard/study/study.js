@@ -7,6 +7,7 @@ import { KINDS } from "../quantities/words.js";
 import { may } from "../access/allowed.js";
 import { get, post, resultAddress } from "../access/api.js";
 import { drawActions } from "../library/actions.js";
+import { beside } from "../library/owners.js";
 import { kindOf, studyTitle } from "../library/summary.js";
 import { StudyFigure } from "./figure.js";
 import { opener, scenarioOf } from "./open.js";
@@ -46,7 +47,7 @@ export async function showStudy(main, result, { job, link, trust, query, tell, s
   const view = viewOf(name, { study: result[name], units: whole.units, table: whole[rows], findings: rows === "table" ? null : whole.table, boundary: whole.boundary });
   const head = [
     h("div", { class: "head" }, h("div", {}, h("h1", {}, kind),
-      job.label && h("p", { id: "result-label" }, job.label),
+      job.label && h("p", { id: "result-label" }, job.label, beside(job.owner)),
       h("p", { id: "varied" }, variedWords(view)),
       h("p", { class: "muted", id: "counts" }, `${countsOf(result.counts)}`)),
     drawActions(result, { job, link, form: editLink({ ...result, ...job, submitted: job.submitted ?? job.typed }), remember() {}, signal })),

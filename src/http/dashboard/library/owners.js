@@ -1,0 +1,43 @@
+// Whose runs a list shows, and who is their owner.
+
+import { h } from "../page/dom.js";
+import { may } from "../access/allowed.js";
+import { signedIn } from "../access/sign-in.js";
+
+/** Whether a run of this owner is the user's. A server without keys tells its users not apart. */
+export const isOwn = (owner) => !signedIn() || owner === signedIn().name;
+
+/** The owner beside a name, unless it is the user. */
+export const beside = (owner) => owner && !isOwn(owner) && h("span", { class: "muted owner" }, ` ${owner}`);
+
+/** Own things before those of others. */
+export const ownFirst = (jobs) => jobs.toSorted((a, b) => isOwn(b.owner) - isOwn(a.owner));
+
+/**
+ * A box that shows the runs of all users in a list. It is clear at first for a user who has signed in and may submit. `name` is the
+ * condition in searches and in the address.
+ */
+export class Everybody {
+  constructor(name, query, onchange) {
+    this.name = name;
+    this.first = Boolean(signedIn()) && may("submit") ? "me" : "";
+    this.box = h("input", { type: "checkbox", id: "everybody", checked: (query.get(name) ?? this.first) !== "me", onchange });
+    this.element = may("submit") && h("label", { class: "option" }, this.box, "Of all users");
+  }
+
+  get value() {
+    return this.box.checked ? "" : "me";
+  }
+
+  /** Adds the condition to a search. */
+  restrict(words) {
+    if (this.value) words.set(this.name, this.value);
+    return words;
+  }
+
+  /** Adds the choice to an address. */
+  keep(words) {
+    if (this.value !== this.first) words.set(this.name, this.value);
+    return words;
+  }
+}
