@@ -98,11 +98,10 @@ impl ResultEntry {
 
     /// The columns of a list as CSV, with their units.
     fn columns() -> impl Iterator<Item = (&'static str, &'static str)> {
-        let unit = |name| if name == "size" { "B" } else { "" };
-        let own = Self::COLUMNS.split(' ').map(move |name| (name, unit(name)));
+        let unit = |name| (name, if name == "size" { "B" } else { "" });
         let words = WORDS.iter().map(|word| (word.name, ""));
         let scalars = SCALARS.iter().map(|scalar| (scalar.name, scalar.unit()));
-        own.chain(words).chain(scalars)
+        Self::COLUMNS.split(' ').map(unit).chain(words).chain(scalars)
     }
 
     /// A line of a list as CSV.
