@@ -31,7 +31,8 @@ pub fn audit(data: &Data) -> Result<(), Error> {
         let key = if actor.key.is_empty() { String::new() } else { format!(" ({})", actor.key) };
         let act = act.as_str().replace('_', " ");
         let what = match (&*subject, &*owner) {
-            ("", _) => "(own)".to_owned(),
+            ("", owner) if owner == actor.name => "(own)".to_owned(),
+            ("", owner) => format!("of {owner}"),
             (_, "") => subject,
             _ => format!("{subject} of {owner}"),
         };

@@ -325,6 +325,12 @@ def colleagues(browser, own):
     anna.fill("#note", "Both agree.")
     anna.locator("dialog").get_by_role("button", name="Save").click()
     expect(anna.locator(".actions .note")).to_have_text("“Both agree.” (anne)")
+    # A link shows guests no private name.
+    anna.goto(own.base + "/#/library?q=rim")
+    anna.locator(".entry th a").click()
+    expect(anna.locator("#result-label")).to_have_text("Gear rim")
+    anna.wait_for_selector("#headline dd")
+    assert "label=" not in share(anna)
     for page in (anna, ben):
         page.context.close()
 

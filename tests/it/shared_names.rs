@@ -326,8 +326,8 @@ async fn a_colleague_finds_and_tags_a_run_by_its_names() {
         log["entries"].as_array().unwrap().iter().find(|entry| entry["act"] == "rename_job");
     let renamed = renamed.expect("an entry");
     assert_eq!(
-        (&renamed["actor"], &renamed["subject"], &renamed["owner"]),
-        (&json!("ben"), &json!(id), &json!("anna"))
+        (&renamed["actor"], &renamed["subject"], &renamed["owner"], &renamed["times"]),
+        (&json!("ben"), &Value::Null, &json!("anna"), &json!(1))
     );
     assert_eq!(patch(&anna, json!({"label": "gear-hub", "private": true})).await.status, 200);
     get(&server, &ben, &own).await.problem(404, "not-found");

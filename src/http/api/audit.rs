@@ -31,7 +31,8 @@ pub struct AuditEntry {
     /// The id of the key that the actor sent; null without a key.
     #[schema(example = "0a1b2c3d")]
     key: Option<String>,
-    /// The id of the key or of the job, or the key of the result. Null for jobs of the actor, which share an entry.
+    /// The id of the key or of the job, or the key of the result. Null for jobs of the actor, which share an entry, and for the
+    /// names and notes of one owner, which do so, too.
     subject: Option<String>,
     /// Whose key, job or result it is; null if unknown.
     #[schema(example = "ben")]

@@ -44,7 +44,7 @@ pub(crate) async fn rename(
         tx.execute(insert).await?;
     }
     let now = tx.now().await?;
-    record(&mut tx, now, (by, Act::RenameJob), &id.to_string(), row.get("owner")?).await?;
+    record(&mut tx, now, (by, Act::RenameJob), "", row.get("owner")?).await?;
     read::job(*id, &mut tx).await
 }
 

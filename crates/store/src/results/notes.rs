@@ -119,6 +119,6 @@ pub(crate) async fn annotate(
         let insert = Statement::of(insert).with(key).with(&by.name).with(text).with(now);
         tx.execute(insert).await?;
     }
-    record(&mut tx, now, (by, Act::ChangeNote), &key.to_string(), owner).await?;
+    record(&mut tx, now, (by, Act::ChangeNote), "", owner).await?;
     Ok(Annotated::Done)
 }

@@ -1,8 +1,8 @@
 //! The audit log: who made, revoked and used keys, and who canceled, deleted and named whose jobs and results.
 //!
 //! An entry is written in the transaction of its act. Equal acts of one day share an entry. All own jobs that an actor
-//! cancels in one day share an entry, too, and so do those that it deletes or renames, and its own notes. So no client can
-//! fill the log with ordinary requests.
+//! cancels in one day share an entry, too, and so do those that it deletes, and all names and notes of an owner that it
+//! changes. So no client can fill the log with ordinary requests.
 
 use crate::database::{Columns, Connected, Result, Row, Tables, cells, read, sql};
 use fretwork_job::words;
@@ -70,7 +70,8 @@ pub struct AuditEntry {
     pub act: Act,
     /// Who did it.
     pub actor: Actor,
-    /// The id of the access key or of the job, or the key of the result; empty for an actor's own jobs.
+    /// The id of the access key or of the job, or the key of the result; empty for an actor's own jobs, and for names and
+    /// notes.
     pub subject: String,
     /// The owner of the subject; empty if unknown.
     pub owner: String,
@@ -91,10 +92,9 @@ pub(crate) async fn record(
     subject: &str,
     owner: &str,
 ) -> Result<()> {
-    // All own jobs of an actor share an entry, which has no subject, and so do all own notes.
-    let shares_entry =
-        matches!(act, Act::CancelJob | Act::DeleteJob | Act::RenameJob | Act::ChangeNote);
-    let subject = if shares_entry && actor.name == owner { "" } else { subject };
+    // All own jobs of an actor share an entry, which has no subject.
+    let own_job = matches!(act, Act::CancelJob | Act::DeleteJob) && actor.name == owner;
+    let subject = if own_job { "" } else { subject };
     let entry = sql!(
         "INSERT INTO audit (first, last, times, act, actor, key, subject, owner)
          VALUES ($1, $1, 1, $2, $3, $4, $5, $6)

@@ -37,7 +37,9 @@ async function load(run, signal) {
     const [result, jobs] = await Promise.all([loadResult(run.key, run.link, signal), run.link ? [] : jobsOf(run.key, signal)]);
     if (kindOf(result)) return { ...run, fault: "It is a study. A comparison shows runs." };
     const [ink, dash] = LINES[run.letter];
-    return { ...run, ink, dash, result, name: run.name || labelOf(jobs) || title(entryOf(result)),
+    const nameFrom = (own) => run.name || labelOf(own) || title(entryOf(result));
+    // A guest gets no private name.
+    return { ...run, ink, dash, result, name: nameFrom(jobs), nameForGuests: nameFrom(jobs.filter((job) => !job.private)),
       address: `#/result/${run.key}${run.link ? `?${new URLSearchParams({ link: run.link, ...(run.name && { label: run.name }) })}` : ""}` };
   } catch (problem) {
     if (!(problem instanceof Problem)) throw problem;
@@ -91,7 +93,7 @@ export async function showCompare(main, { query, signal }) {
   /** Guests open the results by their links, in the order of the keys, and cannot read the jobs with the names. */
   function addLinks(all, links) {
     all.set("links", links);
-    for (const { name } of runs) all.append("name", name);
+    for (const { nameForGuests } of runs) all.append("name", nameForGuests);
     return all;
   }
 

@@ -57,7 +57,7 @@ export function drawActions(result, { job, link, form, remember, signal }) {
     const all = new URLSearchParams(words);
     all.set("link", await createLink(key, lifetime));
     // Who opens the link may not read the job, which has the label and what was typed.
-    if (job.label) all.set("label", job.label);
+    if (job.label && !job.private) all.set("label", job.label);
     const typed = form && job.submitted && JSON.stringify(job.submitted);
     if (typed?.length <= MAX_TYPED) all.set("typed", typed);
     return `${path}?${all}`;

@@ -35,7 +35,7 @@ const tags = (entry) => [entry.tags.filter((tag) => !isDraft({ tags: [tag] }) &&
 const name = (entry) => [
   h("a", { href: `#/result/${entry.key}`, title: nameOfEntry(entry) }, nameOfEntry(entry)),
   h("p", { class: "muted" }, entry.pinned && h("span", { class: "state", title: "This result will not be deleted automatically" }, "pinned"),
-    entry.label ? title(entry) : subtitle(entry), entry.label && beside(entry.submitted_by))];
+    beside(entry.submitted_by, " · "), entry.label ? title(entry) : subtitle(entry))];
 
 /** All columns. `width` is in rem. `sort` is the name by which the server sorts. */
 export const COLUMNS = {

@@ -7,8 +7,8 @@ import { signedIn } from "../access/sign-in.js";
 /** Whether a run of this owner is the user's. A server without keys tells its users not apart. */
 export const isOwn = (owner) => !signedIn() || owner === signedIn().name;
 
-/** The owner beside a name, unless it is the user. */
-export const beside = (owner) => owner && !isOwn(owner) && h("span", { class: "muted owner" }, ` ${owner}`);
+/** The owner beside a name, and the text `then`, unless it is the user. */
+export const beside = (owner, then = "") => owner && !isOwn(owner) && h("span", { class: "muted" }, ` by ${owner}${then}`);
 
 /** Own things before those of others. */
 export const ownFirst = (jobs) => jobs.toSorted((a, b) => isOwn(b.owner) - isOwn(a.owner));

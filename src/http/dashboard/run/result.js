@@ -27,7 +27,7 @@ async function loadJob(key, id, signal) {
   const job = id ?? jobs[0]?.id;
   const own = job && (await get(jobAddress(job, "?include=submitted"), { signal }).catch(() => null));
   const named = own?.label ? own : jobs.find(({ label }) => label);
-  return { label: named?.label ?? "", owner: named?.owner, submitted: own?.submitted, warnings: id && own?.warnings,
+  return { label: named?.label ?? "", owner: named?.owner, private: named?.private, submitted: own?.submitted, warnings: id && own?.warnings,
     source: id ? sourceOf(own?.tags) : jobs.map(({ tags }) => sourceOf(tags)).find(Boolean) };
 }
 
