@@ -33,11 +33,21 @@ class Types:
 
     def define(self, name: str, schema: dict[str, Any]) -> str:
         """Adds a definition, and returns its name."""
+        schema = self.whole(schema)
         if "properties" in schema:
             self.written[name] = self.typed_dict(name, schema)
         else:
             self.written[name] = f'{name}: TypeAlias = "{self.expression(name, schema)}"'
         return name
+
+    def whole(self, schema: dict[str, Any]) -> dict[str, Any]:
+        """The schema itself; instead of `allOf` with known members, one object with the members of all parts."""
+        parts = [self.schemas[part["$ref"].rsplit("/", 1)[1]] if "$ref" in part else part for part in schema.get("allOf", [])]
+        if not parts or not all("properties" in part for part in parts):
+            return schema
+        members = {name: member for part in parts for name, member in part["properties"].items()}
+        required = [name for part in parts for name in part.get("required", [])]
+        return {"properties": members, "required": required, "description": schema.get("description", "")}
 
     def typed_dict(self, name: str, schema: dict[str, Any]) -> str:
         """An object with known members. A member such as `from` is a keyword of Python, so the call creates the type."""

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from conftest import Server, changed
 
-from fretwork_client import AccessDenied, AsyncClient, Client, InvalidRequest
+from fretwork_client import AccessDenied, ApiError, AsyncClient, Client, InvalidRequest, Run, Study
 from fretwork_client.api_types import FitParameter, MeasuredPoints, Scenario
 
 matplotlib.use("Agg")
@@ -49,7 +49,9 @@ def test_an_evaluation_agrees_with_a_run(client: Client, ball: Scenario) -> None
 def test_a_sweep_is_a_frame(client: Client, ball: Scenario) -> None:
     study = client.sweep(ball, {"/friction": [0.6, 0.7], "/motion/amplitude": {"from": "1 um", "to": "2 um", "count": 3}},
                          ["wear_volume"])  # fmt: skip
-    frame = study.frame
+    frame = study.to_pandas()
+    with pytest.deprecated_call(match="to_pandas"):
+        assert study.frame.equals(frame)
     assert list(frame.columns) == ["/friction", "/motion/amplitude", "wear_volume", "reason"]
     assert len(frame) == 6
     assert frame.attrs["units"]["wear_volume"] == "m^3"
@@ -91,6 +93,25 @@ def test_a_fit_says_what_the_data_do_not_determine(client: Client, ball: Scenari
     assert "undetermined" in fit._repr_html_()
     assert np.isnan(fit.intervals["/wear/coefficient"]).all()
     assert any("wear has stopped" in warning for warning in fit.warnings)
+
+
+def test_a_result_is_read_by_its_key(client: Client, ball: Scenario) -> None:
+    # The result does not contain the bodies, so the warning about them comes with the submission.
+    unlike: Scenario = {**ball, "bodies": [ball["bodies"][0], {"youngs_modulus": "70 GPa", "poisson_ratio": 0.1}]}
+    run = client.run(unlike, label="a ball")
+    assert run.warnings
+    found = client.get(run.key)
+    assert isinstance(found, Run)
+    assert (found.warnings, found.wear_volume) == (run.warnings, run.wear_volume)
+    assert "a ball" in found._repr_html_()
+    with pytest.raises(AttributeError, match="has no job"):
+        _ = found.job
+    study = client.get(client.sweep(ball, {"/friction": [0.6, 0.7]}, ["wear_volume"]).key)
+    assert isinstance(study, Study)
+    assert len(study.to_pandas()) == 2
+    with pytest.raises(ApiError) as caught:
+        client.get("0" * 64)
+    assert caught.value.status == 404
 
 
 def test_lists_have_what_was_submitted(client: Client, ball: Scenario) -> None:

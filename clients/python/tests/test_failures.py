@@ -10,9 +10,9 @@ import httpx
 import pytest
 from conftest import KEY, PATIENCE, Server
 
-from fretwork_client import ApiError, AsyncClient, Client, JobFailed, ServerUnreachable
+from fretwork_client import ApiError, AsyncClient, Client, Event, JobFailed, ServerUnreachable
 from fretwork_client.api_types import Job, Scenario
-from fretwork_client.flows import Answer, Flow, Lost, Pause, Request, finish, send
+from fretwork_client.flows import Answer, Flow, Lost, Operations, Pause, Request, finish, send
 from fretwork_client.progress import Silent
 
 
@@ -215,7 +215,7 @@ def test_a_stream_that_often_breaks_is_followed_to_its_end() -> None:
         assert not stream.on_line(f'data: {{"progress": {n / 100}}}')
         # A stream that ends at once is asked for ever more seldom.
         assert flow.throw(Lost("reset")) == Pause(min(0.1 * 2.0**n, 5.0))
-        assert flow.send(Answer(0, {}, b"")) is stream
+        assert flow.send(Answer(0, {}, b"")) == stream
     assert not stream.on_line("event: state")
     assert stream.on_line('data: {"state": "succeeded", "job": {"id": "a", "key": "b", "state": "succeeded"}}')
     with pytest.raises(StopIteration) as end:
@@ -242,3 +242,60 @@ def test_streams_that_tell_no_progress_end_the_patience() -> None:
     with pytest.raises(ServerUnreachable, match="ended early"):
         follow()
     assert sum(pauses) == pytest.approx(10)
+
+
+def test_events_are_resumed_after_a_killed_server(tmp_path: pathlib.Path, ball: Scenario) -> None:
+    server = Server(tmp_path / "data", "", FRETWORK_CRASH_PAUSE="0s")
+    scenario, vary, outputs = long_sweep(ball)
+    sweep = {"scenario": scenario, "vary": [{"pointer": "/friction", "values": vary["/friction"]}], "outputs": outputs}
+    asked: list[str | None] = []
+
+    def note(request: httpx.Request) -> None:
+        if request.url.path.endswith("/events"):
+            asked.append(request.headers.get("last-event-id"))
+
+    async def events() -> list[Event]:
+        found = []
+
+        async def noted(request: httpx.Request) -> None:
+            note(request)
+
+        async with AsyncClient(server.url, "", trust_env=False, event_hooks={"request": [noted]}) as client:
+            async for event in client.follow(job):
+                found.append(event)
+                if event.name == "progress" and event.data["progress"] > 0 and len(asked) == 1:
+                    server.kill()
+                    server.start()
+        return found
+
+    try:
+        with server.client() as client:
+            job = client.submit({"sweep": sweep})
+            found = asyncio.run(events())
+            assert client.wait(job).meta["counts"]["points"] == 1000
+    finally:
+        server.kill()
+    states = [event for event in found if event.name == "state"]
+    assert asked[0] is None
+    assert int(asked[-1] or 0) >= 1
+    # Without the header, the second stream would have begun with the first state.
+    assert [event.data["state"] for event in states] == ["queued", "running", "succeeded"]
+    assert states[-1].data["job"]["id"] == job["id"]
+
+
+def test_a_lost_server_is_told_at_once(caplog: pytest.LogCaptureFixture, ball: Scenario) -> None:
+    with Client("http://127.0.0.1:9", "", trust_env=False) as client, pytest.raises(ServerUnreachable):
+        client.run(ball)
+    (said,) = caplog.messages
+    assert said.startswith("The server does not answer: http://127.0.0.1:9: ")
+    assert said.endswith("Trying again for 3 s")
+
+
+def test_a_request_that_may_be_done_is_not_sent_again() -> None:
+    flow = Operations(60, Silent).request("POST", "/v1/keys", {"name": "anna"})
+    assert isinstance(next(flow), Request)
+    with pytest.raises(ServerUnreachable):
+        flow.throw(Lost("reset"))
+    flow = Operations(60, Silent).request("POST", "/v1/jobs", {}, headers={"Idempotency-Key": "a"})
+    next(flow)
+    assert isinstance(flow.throw(Lost("reset")), Pause)

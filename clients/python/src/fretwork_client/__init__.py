@@ -2,6 +2,7 @@
 
 from .client import AsyncClient, Client
 from .errors import AccessDenied, ApiError, Fault, FretworkError, InvalidRequest, JobFailed, ServerUnreachable
+from .flows import Event
 from .local import LocalClient, local
 from .results import Evaluation, Fit, Number, Result, Run, Study
 from .tables import Table
@@ -13,6 +14,7 @@ __all__ = [
     "AsyncClient",
     "Client",
     "Evaluation",
+    "Event",
     "Fault",
     "Fit",
     "FretworkError",

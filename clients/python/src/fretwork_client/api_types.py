@@ -209,7 +209,21 @@ class CheckedLinks(TypedDict):
     result: "str"
     submit: "str"
 
-CheckedRun: TypeAlias = "dict[str, Any]"
+class CheckedRun(TypedDict):
+    """What is known of a scenario without a run."""
+
+    cost: "RunCost"
+    limit: "Limit | None"
+    regime: "Regime"
+    scales: "Scales"
+    units: "Units"
+    unworn: "Unworn"
+    cached: "bool"
+    excess: "NotRequired[str | None]"
+    key: "str"
+    links: "CheckedLinks"
+    scenario: "dict[str, Any]"
+    warnings: "list[Warning]"
 
 CheckedStudy: TypeAlias = "dict[str, Any]"
 
@@ -1102,7 +1116,29 @@ class RelativeNoise(TypedDict):
 
 Result: TypeAlias = "RunResult | SweepResult | SensitivityResult | MapResult | FitResult"
 
-ResultEntry: TypeAlias = "dict[str, Any]"
+class ResultEntry(TypedDict):
+    """A result in a list, with its most important inputs and outputs in SI."""
+
+    kind: "NotRequired[Literal['run', 'sweep', 'sensitivity', 'map', 'fit', None]]"
+    shape: "NotRequired[Literal['paraboloid', 'sphere', 'cone', 'power', 'truncated_paraboloid', 'truncated_cone', 'table', 'crossed_cylinders', 'cylinder', 'wedge', 'punch', None]]"
+    geometry: "NotRequired[Literal['round', 'line', None]]"
+    method: "NotRequired[Literal['simplified', 'exact', None]]"
+    regime: "NotRequired[Literal['full_stick', 'partial_slip', 'gross_slip', None]]"
+    held: "NotRequired[Literal['depth', 'force', None]]"
+    motion: "NotRequired[Literal['amplitude', 'tangential_force', 'rig', 'blocks', 'reversals', 'sliding', 'aperture', None]]"
+    created: "str"
+    design: "NotRequired[str | None]"
+    evicted: "NotRequired[str | None]"
+    job: "NotRequired[str | None]"
+    key: "str"
+    label: "NotRequired[str | None]"
+    link: "str"
+    note: "NotRequired[Note | None]"
+    owner: "NotRequired[str | None]"
+    pinned: "bool"
+    size: "int"
+    tags: "list[str]"
+    values: "dict[str, float | None]"
 
 class ResultList(TypedDict):
     """A page of results."""

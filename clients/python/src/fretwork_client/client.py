@@ -6,15 +6,31 @@ import asyncio
 import contextlib
 import inspect
 import time
-from collections.abc import Callable, Coroutine
+from collections import deque
+from collections.abc import AsyncGenerator, AsyncIterator, Callable, Coroutine, Generator, Iterator
 from functools import update_wrapper
 from types import TracebackType
 from typing import Any, Concatenate, ParamSpec, Self, TypeVar
 
 import httpx
 
-from .flows import FIRST_PATIENCE, Answer, Body, Flow, Lines, Lost, Operations, Pause, Request
-from .progress import chosen
+from . import api_types as api
+from .flows import (
+    FIRST_PATIENCE,
+    Answer,
+    Body,
+    Event,
+    Flow,
+    JobEvents,
+    Lines,
+    Lost,
+    Operations,
+    Patience,
+    Pause,
+    Request,
+    follow,
+)
+from .progress import Silent, chosen
 from .settings import access_key, base_address
 
 P = ParamSpec("P")
@@ -25,6 +41,8 @@ M = TypeVar("M", bound=Callable[..., object])
 TIMEOUT = httpx.Timeout(75.0, connect=3.0)
 # A computation may take long, so a server that has never answered is first asked what it answers at once.
 FIRST = "/healthz"
+# The answer to a pause, and to a request whose answer has not ended.
+NOTHING = Answer(0, {}, b"")
 
 
 def _described(method: M, flow: Callable[..., object]) -> M:
@@ -61,7 +79,8 @@ def _settings(url: str | None, key: str | None) -> dict[str, Any]:
 
 
 def _request(http: httpx.Client | httpx.AsyncClient, step: Request) -> httpx.Request:
-    return http.build_request(step.method, step.path, params=step.params, headers=step.headers, content=step.content)
+    # Empty parameters would remove those of the path.
+    return http.build_request(step.method, step.path, params=step.params or None, headers=step.headers, content=step.content)
 
 
 def _body(response: httpx.Response, step: Request, place: str, patience: float) -> Body:
@@ -106,6 +125,16 @@ class Client:
         self._has_answered = False
 
     run = _blocking(Operations.run)
+    submit = _blocking(Operations.submit)
+    job = _blocking(Operations.job)
+    wait = _blocking(Operations.wait)
+    get = _blocking(Operations.get)
+    check = _blocking(Operations.check)
+    note = _blocking(Operations.note)
+    pin = _blocking(Operations.pin)
+    report = _blocking(Operations.report)
+    plot = _blocking(Operations.plot)
+    request = _blocking(Operations.request)
     evaluate = _blocking(Operations.evaluate)
     sweep = _blocking(Operations.sweep)
     sensitivity = _blocking(Operations.sensitivity)
@@ -118,24 +147,45 @@ class Client:
     derivatives = _blocking(Operations.derivatives)
     measurements = _blocking(Operations.measurements)
 
+    def follow(self, job: api.Job | str) -> Iterator[Event]:
+        """Yields the events of a job, or of the job with this id, until it has ended. Resumes after a lost connection."""
+        found: deque[Event] = deque()
+        events = JobEvents(Silent(), Patience(self._operations.patience), found.append)
+        with contextlib.closing(self._steps(follow(job if isinstance(job, str) else job["id"], events), [])) as steps:
+            for _ in steps:
+                while found:
+                    yield found.popleft()
+
     def _drive(self, flow: Flow[T]) -> T:
+        returned: list[T] = []
+        for _ in self._steps(flow, returned):
+            pass
+        return returned[0]
+
+    def _steps(self, flow: Flow[T], returned: list[T]) -> Generator[None, None, None]:
+        """Drives a flow, stops after each part of an answer, and at last appends what the flow returns."""
         with contextlib.closing(flow):
             try:
                 step = next(flow)
                 while True:
                     try:
-                        answer = self._do(step)
+                        with contextlib.closing(self._do(step)) as answers:
+                            for so_far in answers:
+                                answer = so_far
+                                yield
                     except httpx.RequestError as error:
                         step = flow.throw(_lost(error, self.url, self._has_answered))
                     else:
                         step = flow.send(answer)
             except StopIteration as end:
-                return end.value  # type: ignore[no-any-return]
+                returned.append(end.value)
 
-    def _do(self, step: Request | Pause) -> Answer:
+    def _do(self, step: Request | Pause) -> Generator[Answer, None, None]:
+        """The answer, after each part of its body as far as it is known."""
         if isinstance(step, Pause):
             time.sleep(step.seconds)
-            return Answer(0, {}, b"")
+            yield NOTHING
+            return
         if not self._has_answered:
             with self._http.stream("GET", FIRST, timeout=FIRST_PATIENCE):
                 self._has_answered = True
@@ -146,7 +196,8 @@ class Client:
                 body.add(part)
                 if body.done:
                     break
-            return _answer(response, body)
+                yield NOTHING
+            yield _answer(response, body)
 
     def close(self) -> None:
         """Closes the connections."""
@@ -177,6 +228,16 @@ class AsyncClient:
         self._has_answered = False
 
     run = _awaitable(Operations.run)
+    submit = _awaitable(Operations.submit)
+    job = _awaitable(Operations.job)
+    wait = _awaitable(Operations.wait)
+    get = _awaitable(Operations.get)
+    check = _awaitable(Operations.check)
+    note = _awaitable(Operations.note)
+    pin = _awaitable(Operations.pin)
+    report = _awaitable(Operations.report)
+    plot = _awaitable(Operations.plot)
+    request = _awaitable(Operations.request)
     evaluate = _awaitable(Operations.evaluate)
     sweep = _awaitable(Operations.sweep)
     sensitivity = _awaitable(Operations.sensitivity)
@@ -189,24 +250,44 @@ class AsyncClient:
     derivatives = _awaitable(Operations.derivatives)
     measurements = _awaitable(Operations.measurements)
 
+    async def follow(self, job: api.Job | str) -> AsyncIterator[Event]:
+        """Yields the events of a job, or of the job with this id, until it has ended. Resumes after a lost connection."""
+        found: deque[Event] = deque()
+        events = JobEvents(Silent(), Patience(self._operations.patience), found.append)
+        steps = self._steps(follow(job if isinstance(job, str) else job["id"], events), [])
+        async with contextlib.aclosing(steps):
+            async for _ in steps:
+                while found:
+                    yield found.popleft()
+
     async def _drive(self, flow: Flow[T]) -> T:
+        returned: list[T] = []
+        async for _ in self._steps(flow, returned):
+            pass
+        return returned[0]
+
+    async def _steps(self, flow: Flow[T], returned: list[T]) -> AsyncGenerator[None, None]:
         with contextlib.closing(flow):
             try:
                 step = next(flow)
                 while True:
                     try:
-                        answer = await self._do(step)
+                        async with contextlib.aclosing(self._do(step)) as answers:
+                            async for so_far in answers:
+                                answer = so_far
+                                yield
                     except httpx.RequestError as error:
                         step = flow.throw(_lost(error, self.url, self._has_answered))
                     else:
                         step = flow.send(answer)
             except StopIteration as end:
-                return end.value  # type: ignore[no-any-return]
+                returned.append(end.value)
 
-    async def _do(self, step: Request | Pause) -> Answer:
+    async def _do(self, step: Request | Pause) -> AsyncGenerator[Answer, None]:
         if isinstance(step, Pause):
             await asyncio.sleep(step.seconds)
-            return Answer(0, {}, b"")
+            yield NOTHING
+            return
         if not self._has_answered:
             async with self._http.stream("GET", FIRST, timeout=FIRST_PATIENCE):
                 self._has_answered = True
@@ -217,7 +298,8 @@ class AsyncClient:
                 body.add(part)
                 if body.done:
                     break
-            return _answer(response, body)
+                yield NOTHING
+            yield _answer(response, body)
 
     async def aclose(self) -> None:
         """Closes the connections."""

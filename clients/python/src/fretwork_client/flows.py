@@ -7,6 +7,7 @@ throws `Lost` into the flow. So the synchronous and the asynchronous client shar
 from __future__ import annotations
 
 import json
+import logging
 import os
 import pathlib
 import time
@@ -20,7 +21,7 @@ from typing import Any, TypeVar, cast
 from . import api_types as api
 from .errors import ApiError, InvalidRequest, JobFailed, ServerUnreachable, refusal
 from .progress import Progress
-from .results import Evaluation, Fit, Run, Study
+from .results import Evaluation, Fit, Result, Run, Study
 from .tables import Array
 from .traces import Trace
 from .values import plain
@@ -40,12 +41,15 @@ TEMPORARY = (429, 502, 503)
 LONGEST_PAUSE = 5.0
 # How long the client tries again, in seconds, if the server has never answered: it may be somewhere else.
 FIRST_PATIENCE = 3.0
+# These can be sent again after a lost connection, although nobody knows whether the server has received them.
+REPEATABLE = ("GET", "HEAD", "PUT", "DELETE")
 # Largest answer in bytes, also when it is decompressed. The largest result is smaller.
 LARGEST = 1 << 28
 # Longest line of a stream in bytes.
 LONGEST_LINE = 1 << 24
 # An answer may take the patience of the client, and longer if it arrives with so many bytes per second.
 SLOWEST = 10_000
+LOG = logging.getLogger("fretwork_client")
 
 
 @dataclass(frozen=True)
@@ -186,12 +190,16 @@ def attempt(request: Request, patience: Patience) -> Flow[Answer | None]:
     try:
         answer = yield request
     except Lost as lost:
-        spent = time.monotonic() - max(began, patience.heard)
-        yield patience.pause(unreachable(f"The server did not answer: {lost}"), is_new=lost.is_new, spent=spent)
+        spent, is_first = time.monotonic() - max(began, patience.heard), patience.tries == 0
+        pause = patience.pause(unreachable(f"The server did not answer: {lost}"), is_new=lost.is_new, spent=spent)
+        if is_first:
+            LOG.warning("The server does not answer: %s. Trying again for %.0f s", lost, pause.seconds + patience.left)
+        yield pause
         return None
-    if answer.status < 300:
+    location = answer.headers.get("location", "")
+    if answer.status < 300 or (answer.status == 303 and location.startswith("/v1/")):
         return answer
-    error = refusal(answer.status, answer.content, answer.headers.get("location", ""), answer.place)
+    error = refusal(answer.status, answer.content, location, answer.place)
     if answer.status not in TEMPORARY:
         raise error
     yield patience.pause(error, answer.headers.get("retry-after", ""))
@@ -220,15 +228,28 @@ def get(path: str, patience: float, **params: object) -> Flow[Answer]:
     return (yield from send(Request("GET", path, _words(params)), patience))
 
 
-class JobEvents:
-    """Reads the server-sent events of a job: progress, and at the end the job itself."""
+@dataclass(frozen=True)
+class Event:
+    """An event of a job: `snapshot` (the data are the job), `state` or `progress`. The last one, a state, has the `job`."""
 
-    def __init__(self, progress: Progress, patience: Patience) -> None:
+    name: str
+    data: Mapping[str, Any]
+
+
+class JobEvents:
+    """Reads the server-sent events of a job: progress, and at the end the job itself. `notice` receives each event.
+
+    `last_id` is the id of the last whole event.
+    """
+
+    def __init__(self, progress: Progress, patience: Patience, notice: Callable[[Event], object] = id) -> None:
         self.progress = progress
         self.patience = patience
+        self.notice = notice
         self.began = time.monotonic()
         self.job: api.Job | None = None
-        self._kind = ""
+        self.last_id = ""
+        self._kind = self._id = ""
         self._most = 0.0
 
     def line(self, line: str) -> bool:
@@ -239,6 +260,12 @@ class JobEvents:
         name, _, value = line.partition(":")
         if name == "event":
             self._kind = value.strip()
+        if name == "id":
+            value = value.strip()
+            self._id = value if value.isascii() and value.isdecimal() else ""
+        if not line:
+            # The whole event has arrived.
+            self.last_id = self._id
         if name != "data":
             return False
         try:
@@ -249,6 +276,7 @@ class JobEvents:
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError, OverflowError, ApiError):
             detail = f"The server sent an event that it does not have: {value[:200]!r}. Check FRETWORK_URL"
             raise ApiError(200, detail, []) from None
+        self.notice(Event(self._kind, data))
         if "progress" in data:
             self.progress.show(progress)
         if progress > self._most:
@@ -256,19 +284,25 @@ class JobEvents:
             self.patience.go_on()
         if has_ended:
             self.job = cast(api.Job, job)
-        return has_ended
+        # The states follow the snapshot of a job that has ended.
+        return has_ended and self._kind != "snapshot"
 
 
 def finish(job: api.Job, progress: Progress, seconds: float) -> Flow[api.Job]:
-    """Follows a job to its end. After a lost connection, the next stream begins with the present state of the job."""
+    """Follows a job to its end."""
     if job["state"] in FINISHED:
         return job
     patience = Patience(seconds)
-    events = JobEvents(progress, patience)
-    path = f"/v1/jobs/{_part(job['id'])}/events"
-    stream = Request("GET", path, headers={"accept": "text/event-stream"}, on_line=events.line)
+    return (yield from follow(job["id"], JobEvents(progress, patience)))
+
+
+def follow(job_id: str, events: JobEvents) -> Flow[api.Job]:
+    """Follows a job to its end. After a lost connection, the next stream begins after the last state that was received."""
+    patience = events.patience
     while True:
         events.began = time.monotonic()
+        headers = {"accept": "text/event-stream"} | ({"last-event-id": events.last_id} if events.last_id else {})
+        stream = Request("GET", f"/v1/jobs/{_part(job_id)}/events", headers=headers, on_line=events.line)
         answer = yield from attempt(stream, patience)
         if events.job:
             return events.job
@@ -278,7 +312,7 @@ def finish(job: api.Job, progress: Progress, seconds: float) -> Flow[api.Job]:
             yield patience.pause(unreachable("The stream of events ended early"))
 
 
-def submit(body: api.JobBody, patience: float, wait: float = 1) -> Flow[api.Job]:
+def submit(body: Mapping[str, Any], patience: float, wait: float = 1) -> Flow[api.Job]:
     """Submits a job once, however often the request is sent. Waits up to `wait` seconds for its end."""
     key = str(uuid.uuid4())
     job = yield from post("/v1/jobs", body, patience, idempotency_key=key, prefer=f"wait={wait:.0f}")
@@ -313,6 +347,78 @@ class Operations:
     def run(self, scenario: Scenario, *, label: str | None = None, tags: Sequence[str] = ()) -> Flow[Run]:
         """Computes a scenario, or reads its stored result."""
         return (yield from self._compute(Run, "scenario", scenario, label, tags))
+
+    def submit(self, body: Scenario | api.JobBody, *, label: str | None = None, tags: Sequence[str] = ()) -> Flow[api.Job]:
+        """Submits a scenario, or a job such as `{"sweep": …}`, and returns its job at once. `wait` returns the result."""
+        words: dict[str, Any] = ({"label": label} if label else {}) | ({"tags": list(tags)} if tags else {})
+        return (yield from submit(_task(body) | words, self.patience, wait=0))
+
+    def job(self, job: api.Job | str) -> Flow[api.Job]:
+        """The present state of a job, or of the job with this id."""
+        return _job((yield from get(_of_job(job), self.patience)).json())
+
+    def wait(self, job: api.Job | str) -> Flow[Run | Study]:
+        """Waits for the end of a job, and returns its result. Raises `JobFailed` if it has none."""
+        progress = self.show()
+        try:
+            ended = yield from finish((yield from self.job(job)), progress, self.patience)
+        finally:
+            progress.close()
+        return (yield from self._stored(succeeded(ended)["key"], ended))
+
+    def get(self, key: str) -> Flow[Run | Study]:
+        """Reads a stored result."""
+        return (yield from self._stored(key))
+
+    def check(self, body: Scenario | api.JobBody) -> Flow[api.Checked]:
+        """Checks a scenario or a job: its key, the unworn contact, warnings and the estimated time. Computes nothing."""
+        checked = yield from post("/v1/scenarios", _task(body), self.patience)
+        if not _has_texts(checked, "key"):
+            raise _strange("a checked scenario", checked)
+        return cast(api.Checked, checked)
+
+    def note(self, result: Result | str, text: str | None = None) -> Flow[api.Note | None]:
+        """The note of a result or of its key; None without a note. `text` replaces it first, and `""` deletes it."""
+        path = f"{_of_result(result)}/note"
+        if text:
+            content = json.dumps({"text": text}).encode()
+            yield from send(Request("PUT", path, headers={"content-type": "application/json"}, content=content), self.patience)
+        elif text is not None:
+            yield from send(Request("DELETE", path), self.patience)
+        return (yield from self._entry(_of_result(result))).get("note")
+
+    def pin(self, result: Result | str, pinned: bool = True) -> Flow[None]:
+        """Pins a result, or its key, so that the server never evicts it. `pinned=False` ends this."""
+        yield from send(Request("PUT" if pinned else "DELETE", f"{_of_result(result)}/pin"), self.patience)
+
+    def report(self, result: Result | str, *beside: Result | str, units: str = "engineering") -> Flow[bytes]:
+        """The report of a result, or a comparison with others, as one HTML file. `units` is `engineering` or `si`."""
+        words = urllib.parse.urlencode([("units", units), *(("with", _key(other)) for other in beside)])
+        return (yield from send(Request("GET", f"{_of_result(result)}/report?{words}"), self.patience)).content
+
+    def plot(self, /, result: Result | str, **options: str | int) -> Flow[bytes]:
+        """A figure of a result as SVG. `options` are the parameters of `plot.svg` in the API, such as `quantity="wear"`."""
+        return (yield from get(f"{_of_result(result)}/plot.svg", self.patience, **options)).content
+
+    def request(
+        self, /, method: str, path: str, body: Any = None, *, headers: Mapping[str, str] | None = None, **params: str | int
+    ) -> Flow[Any]:
+        """Sends any request of the API. Returns the JSON of the answer, or its bytes; None if it is empty.
+
+        `body` is JSON, or bytes. `params` are the parameters after `?`. After a lost connection, a POST or PATCH is sent again
+        only if `headers` have an `Idempotency-Key`. If the answer redirects to another path of the server, this is read.
+        """
+        named = {name.lower(): value for name, value in (headers or {}).items()}
+        content = body if isinstance(body, bytes | None) else json.dumps(plain(body)).encode()
+        kind = "application/octet-stream" if isinstance(body, bytes) else "application/json"
+        named = ({} if content is None else {"content-type": kind}) | named
+        is_repeatable = method in REPEATABLE or "idempotency-key" in named
+        wanted = Request(method, path, _words(params), named, content)
+        answer = yield from send(wanted, self.patience if is_repeatable else 0.0)
+        if answer.status == 303:
+            answer = yield from get(answer.headers["location"], self.patience)
+        is_json = answer.headers.get("content-type", "").partition(";")[0].endswith("json")
+        return answer.json() if is_json and answer.content else answer.content or None
 
     def evaluate(self, scenario: Scenario, outputs: Sequence[str]) -> Flow[Evaluation]:
         """Computes some outputs of a short run, such as `wear_depth@10000`. The server stores nothing."""
@@ -410,13 +516,13 @@ class Operations:
         """Stored results. `search` has parameters of `GET /v1/results`, such as `wear_depth="..2um"` or `shape="cone"`."""
         return cast(list[api.ResultEntry], _listed((yield from get("/v1/results", self.patience, **search)), "results"))
 
-    def cancel(self, job_id: str) -> Flow[api.Job]:
-        """Cancels a job. Its run stops if no other job needs it."""
-        return _job((yield from post(f"/v1/jobs/{_part(job_id)}/cancel", {}, self.patience)))
+    def cancel(self, job_id: api.Job | str) -> Flow[api.Job]:
+        """Cancels a job, or the job with this id. Its run stops if no other job needs it."""
+        return _job((yield from post(f"{_of_job(job_id)}/cancel", {}, self.patience)))
 
     def derivatives(self, run: Run | str, outputs: Sequence[str], parameters: Sequence[str]) -> Flow[list[api.Derivative]]:
         """Derivatives of the outputs of a run, or of its key, with respect to numbers of its scenario (JSON pointers)."""
-        path = f"/v1/results/{_part(run if isinstance(run, str) else run.key)}/derivatives"
+        path = f"{_of_result(run)}/derivatives"
         names = {"outputs": ",".join(outputs), "parameters": ",".join(parameters)}
         return cast(list[api.Derivative], _listed((yield from get(path, self.patience, **names)), "derivatives"))
 
@@ -441,17 +547,34 @@ class Operations:
         submission: dict[str, Any] = {name: body, "tags": list(tags)} | ({"label": label} if label else {})
         progress = self.show()
         try:
-            job = yield from submit(cast(api.JobBody, submission), self.patience)
+            job = yield from submit(submission, self.patience)
             job = yield from finish(job, progress, self.patience)
         finally:
             progress.close()
-        if job["state"] != "succeeded":
-            raise JobFailed(job)
-        path = f"/v1/results/{_part(job['key'])}"
+        return (yield from self._read(kind, succeeded(job), job["warnings"]))
+
+    def _entry(self, path: str) -> Flow[api.ResultEntry]:
+        """What the lists say about a result."""
+        entry = (yield from get(f"{path}/about", self.patience)).json()
+        if not _has_texts(entry, "key"):
+            raise _strange("an entry of a result", entry)
+        return cast(api.ResultEntry, entry)
+
+    def _stored(self, key: str, job: api.Job | None = None) -> Flow[Run | Study]:
+        """Reads a result of any kind, that of a job or of no job that is known."""
+        path = _of_result(key)
+        entry = yield from self._entry(path)
+        said = (yield from get(f"{path}/warnings", self.patience)).json()
+        warnings = said.get("warnings") if isinstance(said, dict) else None
+        kinds: dict[str | None, type[Run | Study]] = {"run": Run, "fit": Fit}
+        return (yield from self._read(kinds.get(entry.get("kind"), Study), job or entry, warnings or []))
+
+    def _read(self, kind: type[ResultT], about: api.Job | api.ResultEntry, warnings: Sequence[api.Warning]) -> Flow[ResultT]:
+        path = _of_result(about["key"])
         answer = yield from get(path, self.patience, format="npz")
         picture = yield from self._picture(path)
         try:
-            return kind.read(job, answer.content, picture)
+            return kind.read(about, warnings, answer.content, picture)
         except (ValueError, KeyError, TypeError, OSError, MemoryError, zipfile.BadZipFile):
             raise answer.strange("a result") from None
 
@@ -463,7 +586,33 @@ class Operations:
             return None
 
 
-ResultT = TypeVar("ResultT", Run, Study, Fit)
+ResultT = TypeVar("ResultT", bound=Result)
+
+
+def succeeded(job: api.Job) -> api.Job:
+    """The job, if it has a result."""
+    if job["state"] != "succeeded":
+        raise JobFailed(job)
+    return job
+
+
+def _task(body: Mapping[str, Any]) -> dict[str, Any]:
+    """A job. A scenario alone becomes one, as on the command line."""
+    return dict(body) if any(kind in body for kind in KINDS) else {"scenario": body}
+
+
+def _key(result: Result | str) -> str:
+    return result if isinstance(result, str) else result.key
+
+
+def _of_result(result: Result | str) -> str:
+    """The path of a result."""
+    return f"/v1/results/{_part(_key(result))}"
+
+
+def _of_job(job: api.Job | str) -> str:
+    """The path of a job."""
+    return f"/v1/jobs/{_part(job if isinstance(job, str) else job['id'])}"
 
 
 def _listed(answer: Answer, name: str) -> list[Any]:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import io
 import json
 import math
+import warnings as warning
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, cast
 
 import numpy as np
 
@@ -42,15 +43,20 @@ class Number:
 
 @dataclass(frozen=True)
 class Result:
-    """A stored result. `parts` are its tables by name, and `meta` has all other members of the result, as in the API."""
+    """A stored result. `parts` are its tables by name, and `meta` has all other members of the result, as in the API.
 
-    job: api.Job
+    `about` is the job, or of a result that `get` has read, its entry in the list of results. `said` are the warnings that
+    the result itself does not contain.
+    """
+
+    about: Mapping[str, Any]
+    said: Sequence[api.Warning]
     meta: Mapping[str, Any]
     parts: Mapping[str, Table]
     svg: bytes | None
 
     @classmethod
-    def read(cls, job: api.Job, npz: bytes, svg: bytes | None) -> Self:
+    def read(cls, about: Mapping[str, Any], said: Sequence[api.Warning], npz: bytes, svg: bytes | None) -> Self:
         """Reads the arrays of a result (format NPZ)."""
         with zipfile.ZipFile(io.BytesIO(npz)) as file:
             if sum(member.file_size for member in file.infolist()) > LARGEST_RESULT:
@@ -64,17 +70,24 @@ class Result:
             part, name = path.split("/", 1)
             # The names in an archive have no slash at their start, JSON pointers have one.
             parts.setdefault(part, {})["/" + name if "/" + name in units else name] = array
-        return cls(job, meta, {part: Table(columns, units) for part, columns in parts.items()}, svg)
+        return cls(about, said, meta, {part: Table(columns, units) for part, columns in parts.items()}, svg)
 
     @property
     def key(self) -> str:
         """The key of the result on the server."""
-        return self.job["key"]
+        return str(self.about["key"])
+
+    @property
+    def job(self) -> api.Job:
+        """The job that was submitted. A result that `get` has read has none."""
+        if "state" not in self.about:
+            raise AttributeError("A result that was read by its key has no job")
+        return cast(api.Job, self.about)
 
     @property
     def warnings(self) -> list[str]:
         """Why the model may be wrong for this contact, and what a study found about its data."""
-        return [said["detail"] for said in [*self.job["warnings"], *self.meta.get("notes", [])]]
+        return [said["detail"] for said in [*self.said, *self.meta.get("notes", [])]]
 
     def numbers(self) -> dict[str, str]:
         """The most important numbers as text, by their names."""
@@ -85,7 +98,7 @@ class Result:
         return f"<{type(self).__name__} {self.key[:12]}… {shown}>"
 
     def _repr_html_(self) -> str:
-        return display.html(self.job.get("label") or type(self).__name__, self.numbers(), self.warnings, self.svg)
+        return display.html(self.about.get("label") or type(self).__name__, self.numbers(), self.warnings, self.svg)
 
 
 class Run(Result):
@@ -140,18 +153,23 @@ class Study(Result):
         """The columns of the study, of the shape (rows,)."""
         return self.parts["table"]
 
-    @property
-    def frame(self) -> pandas.DataFrame:
+    def to_pandas(self) -> pandas.DataFrame:
         """The table as a DataFrame in SI units. Needs pandas."""
         return self.table.to_pandas()
+
+    @property
+    def frame(self) -> pandas.DataFrame:
+        """The name of `to_pandas()` up to version 0.4."""
+        warning.warn("`frame` is now called `to_pandas()`", DeprecationWarning, stacklevel=2)
+        return self.to_pandas()
 
     def to_xarray(self) -> xarray.Dataset:
         """A map, or a sweep over a grid, as a Dataset with one dimension for each number. Needs xarray."""
         if "map" not in self.meta and self.meta.get("sweep", {}).get("design") != "grid":
-            raise TypeError("Only maps and sweeps with the design `grid` have dimensions. Use `frame`")
+            raise TypeError("Only maps and sweeps with the design `grid` have dimensions. Use to_pandas()")
         needed("xarray")
         varied = [name for name in self.table if name.startswith("/")]
-        data = self.frame.set_index(varied).to_xarray()
+        data = self.to_pandas().set_index(varied).to_xarray()
         for name in self.table:
             data[name].attrs["units"] = self.table.unit(name)
         return data
