@@ -1,5 +1,5 @@
-"""Follows clients/README.md word for word in an empty directory: writes its files, runs its commands, and checks
-what they produce. Only the addresses are replaced by those of the server under test.
+"""Follows clients/README.md and clients/javascript/README.md word for word in an empty directory: writes their files, runs
+their commands, and checks what they produce. Only the addresses are replaced by those of the server under test.
 
     python page.py http://127.0.0.1:8080 http://localhost:8000 chromium-headless-shell
 """
@@ -10,12 +10,15 @@ import json
 import os
 import pathlib
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
 import threading
 import urllib.request
 import xml.dom.minidom
+
+from playwright.sync_api import sync_playwright
 
 # The address of the server, the origin of the pages that call it, and the browser.
 BASE, PAGES, BROWSER = sys.argv[1:4]
@@ -25,8 +28,12 @@ sys.path.insert(0, str(ROOT / "tests"))
 
 from programs import PATIENCE
 
-PAGE = (ROOT / "clients/README.md").read_text()
-PAGE = PAGE.replace("http://127.0.0.1:8080", BASE).replace("http://localhost:8000", PAGES)
+def text_of(name):
+    text = (ROOT / "clients" / name).read_text()
+    return text.replace("http://127.0.0.1:8080", BASE).replace("http://localhost:8000", PAGES)
+
+
+PAGE = text_of("README.md")
 # A code block, with a file name if it is a file. Commands for a second terminal have no language.
 BLOCK = re.compile(r"(?:^`([^`\n]+)`:\n\n)?^```([a-z]+)\n(.*?)^```$", re.M | re.S)
 # The variables that package managers need.
@@ -59,14 +66,20 @@ def section(title, directory):
     """Follows one section, and returns what its commands print."""
     start = PAGE.index(f"\n## {title}\n")
     end = PAGE.find("\n## ", start + 1)
+    printed = followed(PAGE[start : end if end > 0 else None], directory)
+    print(f"{title}: followed", flush=True)
+    return printed
+
+
+def followed(page, directory):
+    """Follows a page or a section of it, and returns what its commands print."""
     printed = ""
-    for name, language, text in BLOCK.findall(PAGE[start : end if end > 0 else None]):
+    for name, language, text in BLOCK.findall(page):
         if name:
             (directory / name).write_text(text)
         else:
-            assert language == "sh", (title, language)
+            assert language == "sh", language
             printed += run(text, directory)
-    print(f"{title}: followed", flush=True)
     return printed
 
 
@@ -81,12 +94,13 @@ def check_browser(directory):
     port = int(PAGES.rsplit(":", 1)[1])
     with http.server.ThreadingHTTPServer(("127.0.0.1", port), files) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
-        words = ["--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=20000"]
-        words += [f"--user-data-dir={directory}/profile", "--dump-dom", f"{PAGES}/wear.html"]
-        opened = subprocess.run([BROWSER, *words], capture_output=True, text=True, timeout=PATIENCE)
+        with sync_playwright() as play:
+            page = play.chromium.launch(executable_path=shutil.which(BROWSER), args=["--no-sandbox"]).new_page()
+            page.goto(f"{PAGES}/wear.html")
+            page.wait_for_selector("#caption:not(:empty), #problem:not(:empty)", timeout=1000 * PATIENCE)
+            shown = page.content()
         server.shutdown()
-    shown = opened.stdout
-    assert shown.count('<path d="M0,') == 6, (shown, opened.stderr)
+    assert shown.count('<path d="M0,') == 6, shown
     assert "6 profiles from 0 to 100000 cycles" in shown and " um" in shown, shown
 
 
@@ -117,6 +131,7 @@ def main(directory):
     assert {"key", "label"} <= set(jobs[0])
 
     # The scenario is the one of the curl section, so the numbers are the same.
+    shutil.copy(ROOT / "clients/matlab/fretwork.m", directory)
     printed = section("MATLAB and Octave", directory)
     assert printed.splitlines()[-1].endswith(f"{depth} deep"), (printed, depth)
     assert (directory / "wear.png").read_bytes().startswith(b"\x89PNG")
@@ -125,6 +140,9 @@ def main(directory):
     assert printed.count("cycles:") == 4 + 4, printed
     # Before wear, the half-width of the cylinder is 2√(FR/(πE*)) at 18.5 N/mm, with R = 6 mm and E* = 200 GPa/1.82.
     assert printed.count("half-width 35.86 um\n") == 2 and printed.count("cylinder: line contact") >= 2, printed
+
+    printed = followed(text_of("javascript/README.md"), directory)
+    assert re.search(r"^100 %\n[\d.]+ um after 100000 cycles$", printed, re.M), printed
     print("every section of clients/README.md works")
 
 

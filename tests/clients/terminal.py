@@ -53,7 +53,7 @@ def examples(command):
 def documented():
     """The commands in the documents that need no other machine. tests/it/documents.rs runs those of docs/calibration.md, and
     tests/examples the blocks `sh`."""
-    for name in ["docs/operating.md", "docs/sharing.md", "clients/README.md"]:
+    for name in ["docs/operating.md", "docs/sharing.md", "clients/command-line.md"]:
         for block in re.findall(r"^```console\n(.*?)^```$", (ROOT / name).read_text(), re.M | re.S):
             yield from re.findall(r"^((?:FRETWORK_DATA_DIR=\S+ )?fretwork .*?)(?:  +#.*)?$", block, re.M)
 

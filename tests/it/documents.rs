@@ -85,6 +85,8 @@ fn linked() -> Vec<Document> {
         "VERIFICATION.md",
         "benches/scale.md",
         "clients/README.md",
+        "clients/command-line.md",
+        "clients/javascript/README.md",
         "clients/python/README.md",
         "crates/engine/README.md",
         "docs/third-party-licenses.md",
@@ -207,8 +209,17 @@ fn every_link_leads_to_a_file_and_a_heading() {
 async fn the_server_shows_every_document_with_links_that_work() {
     let server = Server::start().await;
     let mut links = BTreeSet::new();
-    let others =
-        ["ARCHITECTURE", "CHANGELOG", "CONTRIBUTING", "VERIFICATION", "third-party-licenses"];
+    let others = [
+        "ARCHITECTURE",
+        "CHANGELOG",
+        "CONTRIBUTING",
+        "VERIFICATION",
+        "third-party-licenses",
+        "clients",
+        "clients/command-line",
+        "clients/javascript",
+        "clients/python",
+    ];
     let names = pages().into_iter().map(|page| {
         let name = page.path.trim_start_matches("docs/").trim_end_matches("README.md");
         name.trim_end_matches(".md").to_owned()
@@ -386,10 +397,10 @@ fn the_help_that_the_page_for_administrators_names_explains_its_options() {
 fn the_commands_options_and_variables_in_documents_exist() {
     let helps = helps();
     let settings: String =
-        ["compose.yaml", "clients/README.md"].map(|name| read(name).text).concat();
+        ["compose.yaml", "clients/command-line.md"].map(|name| read(name).text).concat();
     let everything: String = helps.values().map(String::as_str).collect::<String>() + &settings;
     let mut checked = 0;
-    for document in guides() {
+    for document in guides().into_iter().chain([read("clients/command-line.md")]) {
         let mut lines = document.codes();
         for language in ["sh", "console"] {
             lines.extend(
@@ -658,6 +669,7 @@ fn all_files_name_this_version() {
         ("Dockerfile", format!("version=\"{version}\"")),
         ("CHANGELOG.md", format!("\n## {version}\n")),
         ("clients/python/pyproject.toml", format!("\nversion = \"{version}\"\n")),
+        ("clients/javascript/package.json", format!("\"version\": \"{version}\"")),
     ] {
         assert!(read(file).text.contains(&text), "{file} does not have {text}");
     }

@@ -60,6 +60,9 @@ const PAGES: &[(&str, &str)] = pages![
     "CONTRIBUTING.md",
     "VERIFICATION.md",
     "clients/README.md",
+    "clients/command-line.md",
+    "clients/javascript/README.md",
+    "clients/python/README.md",
 ];
 
 /// The page around a document.

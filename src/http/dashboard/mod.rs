@@ -75,6 +75,9 @@ const SCRIPTS: &[File] = scripts!(
     "report": "offline" "report";
 );
 const MAIN: File = ("main.js", "text/javascript", include_str!("main.js"));
+/// The module of `clients/javascript`, which pages of other origins load, too.
+const CLIENT: File =
+    ("fretwork.js", "text/javascript", include_str!("../../../clients/javascript/fretwork.js"));
 const STYLE: File = ("style.css", "text/css", include_str!("style.css"));
 const ICON: File = ("icon.svg", "image/svg+xml", include_str!("icon.svg"));
 
@@ -85,7 +88,7 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; i
 
 static ASSETS: Assets = Assets {
     all: LazyLock::new(|| {
-        let files = [INDEX, MAIN, STYLE, ICON].into_iter().chain(scripts());
+        let files = [INDEX, MAIN, CLIENT, STYLE, ICON].into_iter().chain(scripts());
         files.map(|(name, kind, text)| Asset::new(name, kind, text.as_bytes())).collect()
     }),
     policy: POLICY,

@@ -1,17 +1,12 @@
 // Requests to the server: errors, server-sent events, and retries after a lost connection or a sign-in.
 
+import { events as follow, idempotencyKey, Problem } from "../fretwork.js";
 import { caller, SIGN_ON, signIn, signIns } from "./sign-in.js";
+
+export { idempotencyKey, Problem };
 
 const RETRY_MS = 1000;
 const HEALTH_CHECK_MS = 8000;
-
-/** An error response (RFC 9457). */
-export class Problem extends Error {
-  constructor(status, members) {
-    super(members.detail ?? `The server answered with status ${status}.`);
-    Object.assign(this, members, { status });
-  }
-}
 
 /** The form of each id of the API, and what the id is called. */
 const IDS = { results: [/^[0-9a-f]{64}$/, "key of a result"], jobs: [/^[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}$/, "id of a job"] };
@@ -75,7 +70,8 @@ const isSignedOff = ({ status, type }) => caller()?.key === SIGN_ON && (status =
 const isStopped = ({ name }) => name === "AbortError";
 
 /**
- * Sends one request and retries it after a lost connection or a sign-in. A retry is safe: each request reads,
+ * Sends one request and retries it after a lost connection or a sign-in. Unlike `Client` of fretwork.js, the page waits for the
+ * server without end, says so, and asks for a key. A retry is safe: each request reads,
  * is idempotent, or carries an Idempotency-Key. All others have `once`.
  */
 export async function send(path, { method = "GET", body, headers = {}, signal, once = false } = {}) {
@@ -118,53 +114,5 @@ export async function get(path, options = {}) {
 
 export const post = (path, body, options = {}) => get(path, { method: "POST", body, ...options });
 
-/**
- * Yields the server-sent events of a job as `{name, data}` until the job has ended. After a broken stream
- * it resumes after the last event received.
- */
-export async function* events(path, signal) {
-  let last = null;
-  for (;;) {
-    const headers = { Accept: "text/event-stream" };
-    if (last) headers["Last-Event-ID"] = last;
-    const response = await send(path, { headers, signal });
-    if (response.status === 204) return;
-    try {
-      for await (const event of parse(response.body)) {
-        if (event.id) last = event.id;
-        yield event;
-      }
-    } catch (error) {
-      if (signal.aborted) throw error;
-    }
-    await pause(200);
-  }
-}
-
-async function* parse(body) {
-  const reader = body.pipeThrough(new TextDecoderStream()).getReader();
-  let text = "";
-  for (;;) {
-    const { value, done } = await reader.read();
-    if (done) return;
-    text += value;
-    const blocks = text.split("\n\n");
-    text = blocks.pop();
-    for (const block of blocks) {
-      const event = { name: "message", data: null };
-      for (const line of block.split("\n")) {
-        const [, field, content] = line.match(/^(\w+): ?(.*)$/) ?? [];
-        if (field === "event") event.name = content;
-        if (field === "id") event.id = content;
-        if (field === "data") event.data = JSON.parse(content);
-      }
-      if (event.data) yield event;
-    }
-  }
-}
-
-/** A random Idempotency-Key for one submission. */
-export function idempotencyKey() {
-  const bytes = crypto.getRandomValues(new Uint8Array(16));
-  return Array.from(bytes, (byte) => byte.toString(16).padStart(2, "0")).join("");
-}
+/** Yields the events of a job until it has ended. */
+export const events = (path, signal) => follow((headers) => send(path, { headers, signal }), { signal });
