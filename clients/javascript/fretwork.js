@@ -1,18 +1,5 @@
 // Submits scenarios and studies to a server of fretwork, follows their jobs, and reads results. For browsers and Node.js. The
-// dashboard uses it, too. `tsc` checks the types in the comments, and makes fretwork.d.ts from them.
-
-/** @typedef {"queued" | "running" | "canceling" | "succeeded" | "failed" | "canceled"} JobState */
-/** @typedef {{ kind: string, detail: string }} Warning */
-/** @typedef {{ pointer?: string, parameter?: string, detail: string }} Fault A fault of a request: a JSON pointer, or a parameter, and what to change. */
-/**
- * One submission. The key is that of its result.
- * @typedef {{ id: string, state: JobState, key: string, origin: string, progress: number, attempt: number, owner: string,
- *   label?: string | null, tags: string[], warnings: Warning[], error?: { title: string, detail: string } | null }} Job
- */
-/** @typedef {Record<string, any>} JobBody A job as in the API: `{"scenario": …}` or `{"sweep": …}`, with `label` and `tags` if wanted. */
-/** @typedef {{ id?: string, name: string, data: any }} JobEvent `name` is snapshot (the data are the job), state or progress. The last state has the `job`. */
-/** @typedef {{ signal?: AbortSignal }} Options An aborted signal ends the call. The job continues. */
-/** @typedef {{ method?: string, body?: unknown, headers?: Record<string, string>, repeats?: boolean }} Request `repeats`: whether it may be sent twice. */
+// dashboard uses it, too. fretwork.d.ts has the types.
 
 // Answers after which the same request may succeed: too many requests, a proxy without a server, a server that starts or stops.
 const TEMPORARY = [429, 502, 503];
@@ -24,18 +11,8 @@ const LONGEST_PAUSE_MS = 5000;
 
 /** An error answer of the server (RFC 9457). `errors` are all faults of the request. */
 export class Problem extends Error {
-  /** @param {number} status @param {Record<string, any>} members */
   constructor(status, members) {
     super(members.detail ?? `The server answered with status ${status}.`);
-    this.status = status;
-    /** @type {string | undefined} */
-    this.title = undefined;
-    /** @type {string | undefined} */
-    this.detail = undefined;
-    /** @type {string | undefined} A path of the server with a page about this error. */
-    this.type = undefined;
-    /** @type {Fault[] | undefined} */
-    this.errors = undefined;
     Object.assign(this, members, { status });
   }
 }
@@ -45,7 +22,6 @@ export class Unreachable extends Error {}
 
 /** A job failed or was canceled. */
 export class JobFailed extends Error {
-  /** @param {Job} job */
   constructor(job) {
     super(job.error ? `${job.error.title}. ${job.error.detail}` : `The job was ${job.state}.`);
     this.job = job;
@@ -55,7 +31,6 @@ export class JobFailed extends Error {
 /** A server of fretwork. */
 export class Client {
   #base;
-  /** @type {Record<string, string>} */
   #headers;
   #patience;
   #fetch;
@@ -64,8 +39,6 @@ export class Client {
   /**
    * `base` is the address that the server prints, and `key` an access key. After a lost connection, and if the server is busy,
    * a request is sent again for `patience` seconds, or for 3 if the server has never answered.
-   * @param {string} [base]
-   * @param {{ key?: string, patience?: number, fetch?: typeof globalThis.fetch }} [options]
    */
   constructor(base = "http://127.0.0.1:8080", { key, patience = 60, fetch = globalThis.fetch } = {}) {
     this.#base = base.replace(/\/+$/, "");
@@ -77,9 +50,6 @@ export class Client {
   /**
    * Sends a request of the API, and returns the JSON of the answer, or its text; null if it is empty. After a failure that may
    * pass, a POST or PATCH is sent again only with `repeats` or an `Idempotency-Key`.
-   * @param {string} path
-   * @param {Request & Options} [options]
-   * @returns {Promise<any>}
    */
   request(path, options = {}) {
     return this.#send(path, options, async (answer) => {
@@ -88,77 +58,42 @@ export class Client {
     });
   }
 
-  /**
-   * Submits a job once, however often the request is sent, and returns it at once, or at its end if this comes within `wait` seconds.
-   * @param {JobBody} body
-   * @param {Options & { wait?: number }} [options]
-   * @returns {Promise<Job>}
-   */
+  /** Submits a job once, however often the request is sent, and returns it at once, or at its end if this comes within `wait` seconds. */
   submit(body, { wait = 0, signal } = {}) {
     const headers = { Prefer: `wait=${wait}`, "Idempotency-Key": idempotencyKey() };
     return this.request("/v1/jobs", { method: "POST", body, headers, signal });
   }
 
-  /**
-   * Yields the events of a job, or of the job with this id, until it has ended. Resumes after a lost connection: each state comes once.
-   * @param {Job | string} job
-   * @param {Options & { silence?: number }} [options] After `silence` seconds without a sign of the server, the connection is lost.
-   * @returns {AsyncGenerator<JobEvent, void, void>}
-   */
+  /** Yields the events of a job, or of the job with this id, until it has ended. Resumes after a lost connection: each state comes once. */
   follow(job, { signal, silence } = {}) {
     return events((headers) => this.#send(`${jobPath(job)}/events`, { headers, signal }, async (answer) => answer), { signal, silence });
   }
 
-  /**
-   * Waits for the end of a job. Returns it if it has a result, and throws `JobFailed` if not.
-   * @param {Job | string} job
-   * @param {Options & { progress?: (part: number) => void }} [options] `progress` receives numbers from 0 to 1.
-   * @returns {Promise<Job>}
-   */
+  /** Waits for the end of a job. Returns it if it has a result, and throws `JobFailed` if not. */
   async wait(job, { signal, progress } = {}) {
     for await (const { data } of this.follow(job, { signal })) if ("progress" in data) progress?.(data.progress);
-    /** @type {Job} */
     const ended = await this.request(jobPath(job), { signal });
     if (ended.state !== "succeeded") throw new JobFailed(ended);
     progress?.(1);
     return ended;
   }
 
-  /**
-   * Reads the result of a job or of a key, or a part of it, such as `history`. `words` are parameters of the API, such as `{ units: "engineering" }`.
-   * @param {Job | string} job
-   * @param {string} [part]
-   * @param {Record<string, string | number>} [words]
-   * @param {Options} [options]
-   * @returns {Promise<any>}
-   */
+  /** Reads the result of a job or of a key, or a part of it, such as `history`. `words` are parameters of the API, such as `{ units: "engineering" }`. */
   result(job, part = "", words = {}, options = {}) {
     const query = new URLSearchParams(Object.entries(words).map(([name, value]) => [name, String(value)]));
     const key = encodeURIComponent(typeof job === "string" ? job : job.key);
     return this.request(`/v1/results/${key}${part && `/${part}`}?${query}`, options);
   }
 
-  /**
-   * Cancels a job.
-   * @param {Job | string} job
-   * @returns {Promise<Job>}
-   */
+  /** Cancels a job. */
   cancel(job) {
     return this.request(`${jobPath(job)}/cancel`, { method: "POST", repeats: true });
   }
 
-  /**
-   * Sends a request until an answer arrives, and returns what `read` makes of it.
-   * @template T
-   * @param {string} path
-   * @param {Request & Options} request
-   * @param {(answer: Response) => Promise<T>} read
-   * @returns {Promise<T>}
-   */
+  /** Sends a request until an answer arrives, and returns what `read` makes of it. */
   async #send(path, { method = "GET", body, headers = {}, repeats, signal }, read) {
     const isRepeatable = repeats ?? (!["POST", "PATCH"].includes(method) || "Idempotency-Key" in headers);
     const named = { ...headers, ...this.#headers };
-    /** @type {RequestInit} */
     const options = { method, headers: named, signal, cache: "no-cache" };
     if (body !== undefined) {
       named["Content-Type"] = "application/json";
@@ -188,18 +123,13 @@ export class Client {
   }
 }
 
-/** @param {Job | string} job */
 const jobPath = (job) => `/v1/jobs/${encodeURIComponent(typeof job === "string" ? job : job.id)}`;
 
 /**
  * Yields the server-sent events of a job until it has ended. `open` sends the request with more headers; after a broken stream
  * it is called again, and the server continues after the last event that was received.
- * @param {(headers: Record<string, string>) => Promise<Response>} open
- * @param {Options & { silence?: number }} [options]
- * @returns {AsyncGenerator<JobEvent, void, void>}
  */
 export async function* events(open, { signal, silence = SILENCE_SECONDS } = {}) {
-  /** @type {string | undefined} */
   let last;
   for (let next = 200; ; next = Math.min(2 * next, LONGEST_PAUSE_MS)) {
     const began = Date.now();
@@ -220,11 +150,6 @@ export async function* events(open, { signal, silence = SILENCE_SECONDS } = {}) 
   }
 }
 
-/**
- * @param {ReadableStream<Uint8Array>} body
- * @param {number} silence
- * @returns {AsyncGenerator<JobEvent, void, void>}
- */
 async function* parsed(body, silence) {
   const [reader, decoder] = [body.getReader(), new TextDecoder()];
   let text = "";
@@ -236,7 +161,6 @@ async function* parsed(body, silence) {
       const blocks = text.split("\n\n");
       text = blocks.pop() ?? "";
       for (const block of blocks) {
-        /** @type {JobEvent} */
         const event = { name: "message", data: null };
         for (const line of block.split("\n")) {
           const [, field, content = ""] = line.match(/^(\w+): ?(.*)$/) ?? [];
@@ -252,25 +176,17 @@ async function* parsed(body, silence) {
   }
 }
 
-/**
- * What was read, or a lost connection after this time in seconds.
- * @template T
- * @param {Promise<T>} reading
- * @param {number} silence
- * @returns {Promise<T>}
- */
+/** What was read, or a lost connection after this time in seconds. */
 async function heard(reading, silence) {
-  /** @type {ReturnType<typeof setTimeout> | undefined} */
   let timer;
   const lost = new Promise((_, reject) => (timer = setTimeout(() => reject(new TypeError("The server is silent.")), 1000 * silence)));
   try {
-    return await /** @type {Promise<T>} */ (Promise.race([reading, lost]));
+    return await Promise.race([reading, lost]);
   } finally {
     clearTimeout(timer);
   }
 }
 
-/** @param {number} milliseconds @param {AbortSignal} [signal] @returns {Promise<void>} */
 function pause(milliseconds, signal) {
   return new Promise((done, stop) => {
     signal?.throwIfAborted();
