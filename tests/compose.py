@@ -84,12 +84,14 @@ def prepare(directory):
 def interpolated(text, variables):
     """The text with the values of variables, as Compose inserts them."""
     def value(match):
+        if match[0] == "$$":
+            return "$"
         name, default = match["name"], match["default"]
         assert match["error"] is not None or default is not None, f"{name} may be missing"
         assert name in variables or default is not None, match["error"]
         return variables.get(name, default)
 
-    return re.sub(r"\$\{(?P<name>\w+)(:-(?P<default>[^}]*)|:\?(?P<error>[^}]+))?\}", value, text)
+    return re.sub(r"\$\$|\$\{(?P<name>\w+)(:-(?P<default>[^}]*)|:\?(?P<error>[^}]+))?\}", value, text)
 
 
 def hardware_address(address):
@@ -423,6 +425,8 @@ def check_monitoring(deployment):
     free = api("query?query=fretwork_disk_free_bytes")["result"]
     known = {one["metric"]["instance"].split("/")[0] for one in free if float(one["value"][1]) > 0}
     assert known == {"front-a", "front-b"}, free
+    noted = lambda: api("query?query=fretwork_last_backup_timestamp_seconds")["result"]
+    wait_for(lambda: any(float(one["value"][1]) > 0 for one in noted()), "the time of the dump", 90)
     firing = [rule["name"] for rule in rules() if rule["state"] == "firing"]
     assert not firing, firing
     print(f"Prometheus scrapes {instances()}")

@@ -10,7 +10,7 @@ use rustls::{Error as TlsError, InvalidMessage};
 use serde::Deserialize;
 use serde_json::Value;
 use ureq::http::request::Builder;
-use ureq::http::{Request, Uri};
+use ureq::http::{HeaderMap, Request, Uri};
 use ureq::tls::{RootCerts, TlsConfig};
 use ureq::{Agent, Error as Failure};
 use uuid::Uuid;
@@ -40,11 +40,15 @@ pub struct Client {
 pub struct Reply {
     pub status: u16,
     pub body: Vec<u8>,
-    /// Seconds until the server wants the request again.
-    retry_after: Option<u64>,
+    headers: HeaderMap,
 }
 
 impl Reply {
+    /// The value of a header, or nothing.
+    pub fn header(&self, name: &str) -> &str {
+        self.headers.get(name).and_then(|value| value.to_str().ok()).unwrap_or_default()
+    }
+
     /// Reads an answer in JSON.
     pub fn json<'a, T: Deserialize<'a>>(&'a self) -> Result<T, Error> {
         let advice = "the answer of the server is not the JSON of fretwork. Check FRETWORK_URL";
@@ -101,7 +105,14 @@ impl Client {
 
     /// Sends a GET request once.
     pub fn get(&self, path: &str) -> Result<Reply, Error> {
-        self.send(self.request("GET", path), None, TIMEOUT)
+        self.once("GET", path, &[])
+    }
+
+    /// Sends a request with these headers once.
+    pub fn once(&self, method: &str, path: &str, headers: &[(&str, &str)]) -> Result<Reply, Error> {
+        let request = self.request(method, path);
+        let add = |request: Builder, (name, value): &(&str, &str)| request.header(*name, *value);
+        self.send(headers.iter().fold(request, add), None, TIMEOUT)
     }
 
     fn request(&self, method: &str, path: &str) -> Builder {
@@ -127,13 +138,12 @@ impl Client {
         };
         let mut answer = answer.map_err(|error| self.failed(&error, timeout))?;
         let status = answer.status().as_u16();
-        let retry_after = answer.headers().get("retry-after");
-        let retry_after = retry_after.and_then(|seconds| seconds.to_str().ok()?.parse().ok());
+        let headers = answer.headers().clone();
         let mut body = Vec::new();
         // The beginning of a larger answer is no JSON.
         let read = answer.body_mut().as_reader().take(LARGEST).read_to_end(&mut body);
         read.map_err(|error| self.failed(&error.into(), timeout))?;
-        Ok(Reply { status, body, retry_after })
+        Ok(Reply { status, body, headers })
     }
 
     /// Sends a request with the body in a file, and sends it again while the server is busy or restarts. Returns an
@@ -169,7 +179,7 @@ impl Client {
                     continue;
                 }
             };
-            let pause = reply.retry_after.unwrap_or(1).max(1);
+            let pause = reply.header("retry-after").parse().unwrap_or(1).max(1);
             match reply.status {
                 0..300 => return Ok(reply),
                 429 | 503 if attempt < RETRIES && pause <= LONGEST_PAUSE => {
@@ -209,7 +219,7 @@ impl Client {
 }
 
 /// Whether what the program sends to an address is secret: it is encrypted, or does not leave this machine.
-fn is_private(base: &str) -> bool {
+pub fn is_private(base: &str) -> bool {
     let address = base.parse::<Uri>().ok();
     let host = address.as_ref().and_then(Uri::host).unwrap_or_default().trim_matches(['[', ']']);
     let is_loopback = host.parse::<IpAddr>().is_ok_and(|host| host.is_loopback());

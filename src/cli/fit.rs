@@ -101,7 +101,7 @@ type FittedResult = (Value, Option<Verdict>);
 fn fitted(body: &str, settings: &Fit) -> Result<FittedResult, Error> {
     let mut faults = match Submission::parse(body.as_bytes()) {
         Ok(job) => {
-            let result = compute(&job.prepared)?.0.body;
+            let result = compute(&job.prepared, true)?.0.body;
             return Ok((serde_json::from_slice(&result)?, Verdict::read(&result)?));
         }
         Err(BadBody::Faults(faults)) => faults,

@@ -2,6 +2,7 @@
 
 mod administration;
 mod client;
+mod doctor;
 mod fit;
 mod health;
 mod listening;
@@ -24,7 +25,7 @@ use std::process::ExitCode;
 use clap::FromArgMatches as _;
 use fretwork_engine::simulation::model_error;
 
-use self::printing::{Error, print, print_error};
+use self::printing::{Ended, Error, print};
 use crate::config::{self, Cli, Command};
 use crate::http;
 use fretwork_verify::{self as verification, Accuracy};
@@ -86,6 +87,7 @@ pub fn main() -> ExitCode {
         }
         Some(Command::Verify { .. }) => verify(),
         Some(Command::Health(settings)) => health::health(&settings),
+        Some(Command::Doctor(settings)) => doctor::doctor(&settings),
         Some(Command::Keys(command)) => administration::keys(command),
         Some(Command::Audit(data)) => administration::audit(&data),
         Some(Command::Export(settings)) => moving::export(&settings),
@@ -94,7 +96,7 @@ pub fn main() -> ExitCode {
         Some(Command::Backup(settings)) => moving::backup(&settings),
         Some(Command::Restore(settings)) => moving::restore(&settings),
     };
-    ExitCode::from(done.map_or_else(|error| print_error(&error), |()| 0))
+    ExitCode::from(done.map_or_else(|error| Ended::of(&error).print(), |()| 0))
 }
 
 /// Makes new files readable for their owner only. They contain the jobs of all users and the key that signs links.

@@ -1,5 +1,7 @@
 //! The commands `export`, `import`, `check`, `backup` and `restore`.
 
+use std::env;
+use std::fs::{self, File};
 use std::io::{self, IsTerminal as _, Write as _};
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -7,7 +9,7 @@ use std::time::{Duration, Instant};
 use bytesize::ByteSize;
 
 use super::places::make_parent;
-use super::printing::{Ended, Error, harmless, print};
+use super::printing::{Ended, Error, counted, harmless, print};
 use super::runtime::block_on;
 use crate::config::{Backup, Data, Export, Import, Restore};
 use crate::service;
@@ -44,10 +46,6 @@ fn progress(what: &'static str) -> impl FnMut(f64, usize) {
         let line = format!("{begin}{what} {done} of {of} ({percent:.1} %){end}");
         let _ = err.write_all(line.as_bytes()).and_then(|()| err.flush());
     }
-}
-
-fn counted(count: u64, noun: &str) -> String {
-    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
 }
 
 fn results(count: u64, bytes: u64) -> String {
@@ -197,17 +195,61 @@ pub fn check(data: &Data, is_repair: bool) -> Result<(), Error> {
     Ended::with(if damage.is_empty() { 0 } else { 2 })
 }
 
-/// Copies the whole database.
+/// Copies the whole database to a file, to a new file in a directory, or to standard output.
 pub fn backup(settings: &Backup) -> Result<(), Error> {
     let instead = "copy it with `pg_dump --format=custom --file=FILE --dbname=URL`";
-    let dir = settings.data.directory(instead)?;
-    prepare(&settings.file)?;
-    let saved = block_on(store::backup(dir, &settings.file))?;
+    let (Backup { file: place, keep, .. }, dir) = (settings, settings.data.directory(instead)?);
+    let is_stdout = place.as_os_str() == "-";
+    if is_stdout && (keep.is_some() || io::stdout().is_terminal()) {
+        return Err("a backup is a database, not for a terminal, and --keep needs a directory: name a file or a directory".into());
+    }
+    let is_slash = place.to_string_lossy().ends_with('/');
+    // No file system of Windows accepts colons.
+    let name = format!("{DATED}{}.db", clock::rfc3339(clock::now()).replace(':', ""));
+    let file = match () {
+        () if is_stdout => env::temp_dir().join(&name),
+        () if keep.is_some() || place.is_dir() || is_slash => place.join(&name),
+        () => place.clone(),
+    };
+    prepare(&file)?;
+    let saved = block_on(store::backup(dir, &file))?;
+    if is_stdout {
+        let mut copy = File::open(&file)?;
+        fs::remove_file(&file)?;
+        io::copy(&mut copy, &mut io::stdout())?;
+        writeln!(io::stderr(), "standard output: {}", contents(&saved))?;
+    } else {
+        print(format!("{}: {}\n", file.display(), contents(&saved)).as_bytes())?;
+    }
     if let Err(error) = block_on(store::note_backup(dir)) {
         writeln!(io::stderr(), "the metrics of the server do not show this backup: {error}")?;
     }
-    print(format!("{}: {}\n", settings.file.display(), contents(&saved)).as_bytes())?;
-    name_damaged(&saved)
+    // Earlier backups may have what is damaged now.
+    name_damaged(&saved)?;
+    let pruned = keep.map_or(Ok(()), |keep| prune(place, keep.get(), &name));
+    pruned.map_err(|error| {
+        format!("cannot delete old backups in {}: {error}", place.display()).into()
+    })
+}
+
+/// How the names of backups in a directory begin. The time follows, so their order is that of the times.
+const DATED: &str = "fretwork-";
+
+/// Deletes the oldest backups of a directory, except the newest ones and the last one. Deletes what killed commands have left there
+/// before the oldest backup that stays.
+fn prune(dir: &Path, keep: usize, last: &str) -> io::Result<()> {
+    let is_time = |it: char| it.is_ascii_digit() || "-T.".contains(it);
+    let is_end = |rest: &str| rest.trim_start_matches(is_time).starts_with("Z.db");
+    let mut names = Vec::new();
+    for entry in fs::read_dir(dir)? {
+        names.extend(entry?.file_name().into_string());
+    }
+    names.retain(|name| name.strip_prefix(DATED).is_some_and(is_end));
+    names.sort();
+    let whole = names.iter().rev().filter(|name| name.ends_with("Z.db"));
+    let Some(oldest) = whole.take(keep).last() else { return Ok(()) };
+    let old = names.iter().filter(|name| *name < oldest && *name != last);
+    old.into_iter().try_for_each(|name| fs::remove_file(dir.join(name)))
 }
 
 /// Replaces the database by a backup.

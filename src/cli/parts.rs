@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64;
 
 use super::places::make_parent;
-use super::printing::{Error, Progress, say};
+use super::printing::{Error, Progress, counted, say};
 use super::study;
 use crate::config::StudyPart;
 use fretwork_job::{Answer, Prepared, Submission, Task};
@@ -143,10 +143,11 @@ pub fn compute(job: &Submission, body: &[u8], part: StudyPart, store: &Path) -> 
     let file = Mutex::new(file);
     let keep = |number, rows| file.lock().write_all(&line(&Chunk { number, rows })?);
     let known = all - missing.len();
-    let progress = (&mut Progress::new(), known..all);
+    let progress = (&mut Progress::new(true), known..all);
     study::chunks(study, (&missing, head.chunks), &Rows::default(), progress, keep)?;
     file.into_inner().sync_all().map_err(unusable)?;
-    Ok(writeln!(io::stderr(), "part {part}: {all} chunks, {known} of them known already")?)
+    let all = counted(all as u64, "chunk");
+    Ok(writeln!(io::stderr(), "part {part}: {all}, {known} of them known already")?)
 }
 
 /// Opens the file of a part, and reads its chunks. Creates the file if it is missing. The inner error says why the file

@@ -13,7 +13,7 @@ use fretwork_engine::Fault;
 pub type Error = Box<dyn std::error::Error>;
 
 /// The end of a command with an exit code of its own.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, Clone, thiserror::Error)]
 #[error("{}", .lines.join("\n"))]
 pub struct Ended {
     /// The exit code: 2 if an input has faults, for instance.
@@ -33,24 +33,27 @@ impl Ended {
         Self { code: 2, lines: faults.iter().map(line).collect() }
     }
 
+    /// The end of a command by an error: its own, or one line with another error and its causes.
+    pub fn of(error: &Error) -> Self {
+        let causes = iter::successors(Some(&**error), |&error| error.source());
+        let causes: Vec<_> = causes.map(ToString::to_string).collect();
+        let other = || Self { code: 1, lines: vec![format!("fretwork: {}", causes.join(": "))] };
+        error.downcast_ref().cloned().unwrap_or_else(other)
+    }
+
+    /// Prints the lines to standard error. Returns the exit code.
+    pub fn print(&self) -> u8 {
+        // If standard error is closed, the exit code still reports the error.
+        for line in &self.lines {
+            say(&harmless(line));
+        }
+        self.code
+    }
+
     /// The end of a command that has said all.
     pub fn with(code: u8) -> Result<(), Error> {
         if code == 0 { Ok(()) } else { Err(Self { code, lines: Vec::new() }.into()) }
     }
-}
-
-/// Prints an error to standard error: the lines of an end, or on one line another error with its causes. Returns the
-/// exit code.
-pub fn print_error(error: &Error) -> u8 {
-    let causes = iter::successors(Some(&**error), |&error| error.source());
-    let causes: Vec<_> = causes.map(ToString::to_string).collect();
-    let other = Ended { code: 1, lines: vec![format!("fretwork: {}", causes.join(": "))] };
-    let Ended { code, lines } = error.downcast_ref().unwrap_or(&other);
-    for line in lines {
-        // If standard error is closed, the exit code still reports the error.
-        let _ = writeln!(io::stderr(), "{}", harmless(line));
-    }
-    *code
 }
 
 /// Writes to standard output. A reader that closes the pipe early, such as `head`, is not an error.
@@ -88,8 +91,9 @@ pub struct Progress {
 }
 
 impl Progress {
-    pub fn new() -> Self {
-        let is_terminal = io::stderr().is_terminal();
+    /// A progress, which is shown only if it is wanted.
+    pub fn new(is_wanted: bool) -> Self {
+        let is_terminal = is_wanted && io::stderr().is_terminal();
         Self { is_terminal, is_shown: false, next: Instant::now() + QUIET }
     }
 
@@ -122,6 +126,11 @@ pub fn say(line: &str) {
     let start = if io::stderr().is_terminal() { "\r" } else { "" };
     let _ =
         writeln!(io::stderr(), "{start}{line:<0$}", if start.is_empty() { 0 } else { WIDTH + 8 });
+}
+
+/// A number of things.
+pub fn counted(count: u64, noun: &str) -> String {
+    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
 }
 
 /// A number in SI with four digits, in a usual unit.

@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 
 use super::client::{Client, escaped};
 use super::places;
-use super::printing::{Ended, Error, Progress, harmless, print, print_error};
+use super::printing::{Ended, Error, Progress, harmless, print};
 use super::run::{listed, read_job, write_result};
 use crate::config::{Evaluate, Get, List, OneJob, Remote, Submit};
 use fretwork_job::TaskKind;
@@ -33,14 +33,14 @@ pub fn submit(settings: &Submit) -> Result<(), Error> {
         let body = match read_job(&file, &settings.change) {
             Ok(body) => body,
             Err(error) => {
-                code = code.max(print_error(&error));
+                code = code.max(Ended::of(&error).print());
                 continue;
             }
         };
         match client.call("POST", "/v1/jobs", Some((&file, &body))) {
             Ok(reply) if settings.wait => jobs.push(reply.json()?),
             Ok(reply) => print(line(&reply.json()?).as_bytes())?,
-            Err(error) if error.is::<Ended>() => code = code.max(print_error(&error)),
+            Err(error) if error.is::<Ended>() => code = code.max(Ended::of(&error).print()),
             Err(error) => {
                 // The server computes what it has accepted.
                 print(jobs.iter().map(line).collect::<String>().as_bytes())?;
@@ -50,7 +50,7 @@ pub fn submit(settings: &Submit) -> Result<(), Error> {
     }
     for job in &jobs {
         code = code.max(match end(&client, &job.id) {
-            Err(error) if error.is::<Ended>() => print_error(&error),
+            Err(error) if error.is::<Ended>() => Ended::of(&error).print(),
             end => end?,
         });
     }
@@ -67,7 +67,7 @@ pub fn get(settings: &Get) -> Result<(), Error> {
     let members: BTreeMap<String, &RawValue> = reply.json()?;
     let kind = TaskKind::all().find(|kind| members.contains_key(kind.member()));
     let kind = kind.ok_or("the answer of the server is no result. Check FRETWORK_URL")?;
-    write_result(&reply.body, kind, &settings.output, &name)
+    print(&write_result(&reply.body, kind, &settings.output, &name)?)
 }
 
 /// Waits for the end of a job.
@@ -150,7 +150,7 @@ fn line(Listed { id, state, key, label }: &Listed) -> String {
 
 /// Waits for the end of a job and prints its line. Returns the exit code.
 fn end(client: &Client, id: &str) -> Result<u8, Error> {
-    let mut progress = Progress::new();
+    let mut progress = Progress::new(true);
     let wait = if progress.is_terminal { TERMINAL_WAIT } else { LOG_WAIT };
     let path = format!("/v1/jobs/{}?wait={wait}", escaped(id));
     loop {

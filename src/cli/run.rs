@@ -1,16 +1,19 @@
 //! The command `run`: computes jobs without a server.
 
+use std::collections::BTreeMap;
 use std::fs::{self, File};
-use std::io::{self, Read as _, Write as _};
+use std::io::{self, Read as _};
+use std::iter;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use parking_lot::Mutex;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::parts;
 use super::places::{self, inside};
-use super::printing::{Ended, Error, Progress, print, print_error, shown};
+use super::printing::{Ended, Error, Progress, counted, harmless, print, say, shown};
 use super::study;
 use crate::config::{Destination, Run, ScenarioChange};
 use crate::http::report_page;
@@ -33,44 +36,73 @@ pub fn run(settings: &Run) -> Result<(), Error> {
     if let Some(parts) = &settings.join {
         let joined = parts::join(parts)?;
         let job = parse(joined.body(), &parts[0])?;
-        return finish(&job, joined.answer(&job.prepared)?, &files[0], settings);
+        return finish(&job, joined.answer(&job.prepared)?, &files[0], settings, true)
+            .and_then(|done| give(&done));
     }
-    if settings.part.is_some() && settings.store.is_none() {
-        return Err(
-            "--part keeps the part in the file of --store: name that file instead of --output"
-                .into(),
-        );
+    if let Some(part) = settings.part {
+        let advice =
+            "--part keeps the part in the file of --store: name that file instead of --output";
+        let store = settings.store.as_ref().ok_or(advice)?;
+        let [file] = &files[..] else {
+            return Err("--part computes a part of one study: name one input file".into());
+        };
+        let text = read_job(file, &settings.change)?;
+        return parts::compute(&parse(&text, file)?, &text, part, store);
     }
-    if files.len() > 1 && settings.part.is_some() {
-        return Err("--part computes a part of one study: name one input file".into());
-    }
-    let mut code = 0;
-    for file in &files {
-        // An error of one file does not hinder the others.
-        code = of_file(file, settings).map_or_else(|error| print_error(&error), |()| code);
-    }
-    Ended::with(code)
+    all(&files, settings)
+}
+
+/// Computes input files on all cores, and prints what they give in their order. An error of one file does not hinder the others.
+fn all(files: &[PathBuf], settings: &Run) -> Result<(), Error> {
+    let is_only = files.len() == 1;
+    // The files that wait for earlier ones, the number of printed files, and the exit code.
+    let waiting = Mutex::new((BTreeMap::new(), 0, 0));
+    let span = (&mut Progress::new(!is_only), 0..files.len());
+    let printed = study::on_all_cores(files, span, |number, file| {
+        let done = of_file(file, settings, is_only);
+        let (waiting, next, code) = &mut *waiting.lock();
+        waiting.insert(number, done.map_err(|error| Ended::of(&error)));
+        while let Some(done) = waiting.remove(next) {
+            *next += 1;
+            match done {
+                Ok(done) => give(&done).map_err(|error| io::Error::other(error.to_string()))?,
+                Err(end) => *code = end.print().max(*code),
+            }
+        }
+        Ok(())
+    })?;
+    printed?;
+    Ended::with(waiting.into_inner().2)
 }
 
 /// Computes one input file.
-fn of_file(file: &Path, settings: &Run) -> Result<(), Error> {
-    let text = read_job(file, &settings.change)?;
-    let job = parse(&text, file)?;
-    if let (Some(part), Some(store)) = (settings.part, &settings.store) {
-        return parts::compute(&job, &text, part, store);
-    }
-    let done = finish(&job, compute(&job.prepared)?, file, settings);
+fn of_file(file: &Path, settings: &Run, is_only: bool) -> Result<Done, Error> {
+    let job = parse(&read_job(file, &settings.change)?, file)?;
+    let computed = compute(&job.prepared, is_only)?;
+    let done = finish(&job, computed, file, settings, is_only);
     done.map_err(|error| format!("{}: {error}", file.display()).into())
 }
 
-/// Writes the result and the figure of a job, and prints the summary.
+/// What a computed file gives: the result, if it goes to standard output, and the lines of the summary.
+type Done = (Vec<u8>, Vec<String>);
+
+fn give((output, lines): &Done) -> Result<(), Error> {
+    print(output)?;
+    for line in lines {
+        say(&harmless(line));
+    }
+    Ok(())
+}
+
+/// Writes the result, the figure and the report of a job.
 fn finish(
     job: &Submission,
     (answer, time): (Answer, Duration),
     file: &Path,
     settings: &Run,
-) -> Result<(), Error> {
-    write_result(&answer.body, job.prepared.task.kind(), &settings.output, file)?;
+    is_only: bool,
+) -> Result<Done, Error> {
+    let output = write_result(&answer.body, job.prepared.task.kind(), &settings.output, file)?;
     if let Some(plot) = &settings.plot {
         let mut figure = Vec::new();
         let view = View::figure(settings.quantity);
@@ -90,7 +122,9 @@ fn finish(
         let page = report_page(&report::content(&[entry], true, &[])?);
         write_file(&inside(report, file, "html"), page.as_bytes())?;
     }
-    summarise(job, &answer, time)
+    let file = (!is_only).then_some(file);
+    let lines = if settings.quiet { Vec::new() } else { summary(job, &answer, time, file)? };
+    Ok((output, lines))
 }
 
 /// Parses the job body of a file. A text that is not JSON has one fault.
@@ -183,25 +217,29 @@ pub fn read_json(file: &Path) -> Result<Vec<u8>, Error> {
     Ok(fretwork_measured::marked(&bytes).map_or(bytes, String::into_bytes))
 }
 
-/// Computes the result, and shows the progress.
-pub fn compute(prepared: &Prepared) -> Result<(Answer, Duration), Error> {
+/// Uses all cores, so other studies of this command wait.
+static ONE_STUDY: Mutex<()> = Mutex::new(());
+
+/// Computes the result. Shows the progress, if it is wanted.
+pub fn compute(prepared: &Prepared, is_shown: bool) -> Result<(Answer, Duration), Error> {
+    let mut progress = Progress::new(is_shown);
+    let _turn = matches!(prepared.task, Task::Study(_)).then(|| ONE_STUDY.lock());
     let started = Instant::now();
     if let Task::Study(study) = &prepared.task {
-        let answer = Answer::of_study(prepared.key, study, &study::compute(study)?);
+        let answer = Answer::of_study(prepared.key, study, &study::compute(study, &mut progress)?);
         return Ok((answer, started.elapsed()));
     }
-    let mut progress = Progress::new();
     let answer = prepared.compute(|done| progress.show(done));
     Ok((answer, started.elapsed()))
 }
 
-/// Writes a result to the output file or to standard output.
+/// Writes a result to the output file. Without one, returns the bytes for standard output.
 pub fn write_result(
     result: &[u8],
     kind: TaskKind,
     output: &Destination,
     input: &Path,
-) -> Result<(), Error> {
+) -> Result<Vec<u8>, Error> {
     let format = output.format()?;
     let part = match (format, kind) {
         (Format::Json | Format::Npz, _) => Part::Whole,
@@ -214,10 +252,11 @@ pub fn write_result(
     if format == Format::Json {
         bytes.push(b'\n');
     }
-    match &output.file {
-        Some(file) => write_file(&inside(file, input, format.name()), &bytes),
-        None => print(&bytes),
+    if let Some(file) = &output.file {
+        write_file(&inside(file, input, format.name()), &bytes)?;
+        bytes.clear();
     }
+    Ok(bytes)
 }
 
 /// The units of a result, and what a run says of its unworn contact.
@@ -228,17 +267,19 @@ struct ResultSummary {
     unworn: Value,
 }
 
-/// Prints a summary of the result and the warnings to standard error.
-fn summarise(job: &Submission, answer: &Answer, time: Duration) -> Result<(), Error> {
-    let mut err = io::stderr().lock();
-    let label = job.label.as_deref().unwrap_or("computed");
-    writeln!(err, "{label} ({:.1} ms)", time.as_secs_f64() * 1e3)?;
+/// The summary of a result: all numbers and warnings. For one of several files, one line with the wear of a run.
+fn summary(
+    job: &Submission,
+    answer: &Answer,
+    time: Duration,
+    file: Option<&Path>,
+) -> Result<Vec<String>, Error> {
     // The result of a study can be large, so only its units are kept.
     let ResultSummary { units, unworn } = serde_json::from_slice(&answer.body)?;
     // A line contact has no tangential modulus.
     let is_line = unworn.get("tangential_modulus").is_some_and(Value::is_null);
-    let numbers = || answer.summary.as_object().into_iter().flatten();
-    for (name, value) in numbers().filter(|(name, _)| !name.ends_with("_error")) {
+    let numbers = answer.summary.as_object().into_iter().flatten();
+    let numbers = numbers.filter(|(name, _)| !name.ends_with("_error")).map(|(name, value)| {
         let text = value.as_str().map(str::to_owned);
         let text = text.unwrap_or_else(|| shown(value, units[name].as_str().unwrap_or("1")));
         let error = answer.summary[format!("{name}_error")].as_f64();
@@ -248,12 +289,20 @@ fn summarise(job: &Submission, answer: &Answer, time: Duration) -> Result<(), Er
             Some(quantity) => quantity.words_of(is_line),
             None => name,
         };
-        writeln!(err, "  {words:<38} {text}{error}")?;
+        (&**name, words, text + &error)
+    });
+    let (time, warnings) = (time.as_secs_f64() * 1e3, job.prepared.warnings());
+    if let Some(file) = file {
+        let wear = numbers.filter(|(name, ..)| ["wear_volume", "wear_depth"].contains(name));
+        let wear = wear.map(|(_, words, text)| format!("{words} {text}"));
+        let parts: Vec<_> = wear.chain([counted(warnings.len() as u64, "warning")]).collect();
+        return Ok(vec![format!("{}: {} ({time:.1} ms)", file.display(), parts.join(", "))]);
     }
-    for warning in job.prepared.warnings() {
-        writeln!(err, "  warning: {}", warning.detail)?;
-    }
-    Ok(())
+    let label = job.label.as_deref().unwrap_or("computed");
+    let first = iter::once(format!("{label} ({time:.1} ms)"));
+    let numbers = numbers.map(|(_, words, text)| format!("  {words:<38} {text}"));
+    let warnings = warnings.iter().map(|warning| format!("  warning: {}", warning.detail));
+    Ok(first.chain(numbers).chain(warnings).collect())
 }
 
 /// Writes a file.

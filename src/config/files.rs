@@ -1,12 +1,13 @@
 //! The settings of the commands that write and read files of results and whole databases.
 
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
 
 use super::data::Data;
-use super::values::{duration, file_name};
+use super::values::duration;
 use fretwork_job::Key;
 use fretwork_store::Search;
 
@@ -43,9 +44,11 @@ pub struct Import {
 /// The settings of `backup`.
 #[derive(Debug, Args)]
 pub struct Backup {
-    /// The file to write; it must not exist.
-    #[arg(value_parser = file_name)]
+    /// The file to write, which must not exist; a directory, in which the file gets the time as its name; or - for standard output.
     pub file: PathBuf,
+    /// Keep this number of backups in the directory. Deletes the oldest others after a backup of a sound database.
+    #[arg(long, value_name = "COUNT")]
+    pub keep: Option<NonZeroUsize>,
     /// The database to copy.
     #[command(flatten)]
     pub data: Data,

@@ -66,7 +66,11 @@ pub enum Command {
     /// Compute input files, without a server or a database.
     ///
     /// An input file is a job, or a scenario alone. The result goes to standard output or to a file, and a summary to
-    /// standard error. If a file is invalid, each fault is printed as `file: pointer: detail`, and the exit code is 2.
+    /// standard error. Several files are computed on all cores, and have one line each, in their order. A file that is invalid or
+    /// cannot be read does not stop the others.
+    ///
+    /// If a file is invalid, each fault is printed as `file: pointer: detail`, and the exit code is 2. It is 1 after any other
+    /// error. Of several, the largest counts.
     Run(Run),
     /// Fit a scenario to measured numbers, without a server.
     ///
@@ -127,6 +131,12 @@ pub enum Command {
     },
     /// Check a server's health: exit code 0 or 1.
     Health(Remote),
+    /// List what is wrong, or soon will be, with a running server.
+    ///
+    /// Asks the server at its public address for its version, TLS, the headers of its proxy, readiness, disk, damage, the last backup
+    /// and the clocks. Each line begins with `ok`, `warns` or `fails`, and says what to do. The exit code is 0, 1 or 2, after the
+    /// worst line. Ask each server and worker in turn. A server with keys needs one with the role `read`.
+    Doctor(Remote),
     /// Write results to a file that another server can import.
     ///
     /// The server may run meanwhile. Exports all results, or those that match every NAME=VALUE (as in
@@ -160,7 +170,9 @@ pub enum Command {
     },
     /// Copy the whole database to a file, and check the copy.
     ///
-    /// The server may run meanwhile. The copy is a snapshot.
+    /// The server may run meanwhile. The copy is a snapshot. If a stored result is damaged, the copy has only its scenario, and the
+    /// exit code is 2.
+    #[command(after_help = examples!("backup"))]
     Backup(Backup),
     /// Replace the database with a backup. Stop the server first.
     Restore(Restore),

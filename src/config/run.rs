@@ -39,6 +39,9 @@ pub struct Run {
     /// Also write a report to this HTML file. With several input files, a directory.
     #[arg(long, value_name = "REPORT.html", value_parser = file_name, conflicts_with = "store")]
     pub report: Option<PathBuf>,
+    /// Print faults, but neither summaries nor warnings.
+    #[arg(short, long)]
+    pub quiet: bool,
     /// The quantity in the figure of a run: a profile, a history, or the loops.
     #[arg(long, default_value = "worn", requires = "plot",
         value_parser = one_of(&QUANTITIES, |quantity| quantity.name))]

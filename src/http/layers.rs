@@ -26,6 +26,7 @@ use super::problem::{self, Problem, Result, kinds};
 use super::shares::{Permit, SMALL, Shares};
 use super::transport::drain_body::drain_body;
 use super::wire::coding::Coding;
+use super::wire::negotiation::choose;
 use super::wire::{REPLAYED, length_of};
 use crate::service::workers::message_of;
 
@@ -182,12 +183,28 @@ struct Panicked(String);
 /// The answer of the routes, compressed if the client accepts that.
 async fn answer(gate: &Gate, request: Request, mut route: Route) -> Response {
     let coding = Coding::choose(request.headers());
+    let refuses_json = refuses_json(&request);
     let compressed = move |request: Request| async move {
-        let Ok(answer) = route.call(request).await;
+        let Ok(mut answer) = route.call(request).await;
+        if refuses_json && answer.headers().get(header::CONTENT_TYPE).is_some_and(|it| it == JSON) {
+            let detail = "The header Accept excludes application/json, which this address offers.";
+            answer = Problem::new(&kinds::NOT_ACCEPTABLE, detail).into_response();
+        }
         coding.compress(answer).await
     };
     let checked = AssertUnwindSafe(access::check(gate, request, compressed)).catch_unwind().await;
     checked.unwrap_or_else(|panic| Problem::bug(Panicked(message_of(&*panic))).into_response())
+}
+
+const JSON: &str = "application/json";
+
+/// Whether a request only reads, and its header `Accept` excludes JSON. A parameter `format` overrides the header.
+fn refuses_json(request: &Request) -> bool {
+    let uri = request.uri();
+    request.method().is_safe()
+        && uri.path().starts_with("/v1/")
+        && !uri.query().is_some_and(|query| query.contains("format="))
+        && choose(request.headers(), &[JSON], |it| it).is_none()
 }
 
 /// Rules for browsers, unless a handler sets others: do not guess the content type, run no scripts, show no

@@ -436,8 +436,17 @@ async fn tables_are_served_as_json_and_csv() {
     }
     server.get(&format!("{address}?format=csv")).await.problem(406, "not-acceptable");
     let image = [("Accept", "image/png")];
-    let refused = server.send("GET", &format!("{address}/history"), &image, "").await;
-    refused.problem(406, "not-acceptable");
+    for target in [&*format!("{address}/history"), "/v1/jobs", "/v1/me"] {
+        let refused = server.send("GET", target, &image, "").await;
+        refused.problem(406, "not-acceptable");
+    }
+    // A parameter overrides the header. What only monitors read, and what changes something, is never refused.
+    let lists = server.send("GET", "/v1/jobs?format=json", &image, "").await;
+    let health = server.send("GET", "/healthz", &image, "").await;
+    let check = [image[0], ("Content-Type", "application/json")];
+    let body = steel_ball().to_string();
+    let checked = server.send("POST", "/v1/scenarios", &check, body).await;
+    assert_eq!([lists.status, health.status, checked.status], [200; 3]);
     for (query, parameter) in [
         ("fields=warn", "fields"),
         ("cycles=7", "cycles"),

@@ -316,3 +316,74 @@ fn a_canceled_job_ends_with_4() {
     let output = with(&["watch", &id], "");
     assert_eq!(output.status.code(), Some(4), "{}", text(&output.stdout));
 }
+
+/// What `doctor` prints, and its exit code.
+fn examined(url: &str, options: &[&str]) -> (Option<i32>, String) {
+    let output = run(&[&["doctor", "--url", url], options].concat(), "");
+    assert_eq!(text(&output.stderr), "");
+    (output.status.code(), text(&output.stdout).to_owned())
+}
+
+#[test]
+fn the_doctor_lists_what_would_fail_and_the_worst_is_the_exit_code() {
+    let dir = TempDir::new().unwrap();
+    let (mut server, address) = serve(dir.path(), &[]);
+    let (code, said) = examined(&address, &[]);
+    let bad: Vec<_> = said.lines().filter(|line| !line.starts_with("ok     ")).collect();
+    assert_eq!(code, Some(1), "{said}");
+    assert!(
+        bad.len() == 1 && bad[0].starts_with("warns  backup: none is known. Make one every day."),
+        "{said}"
+    );
+    let backups = dir.path().join("backups/");
+    let words = ["backup", backups.to_str().unwrap(), "--data-dir", dir.path().to_str().unwrap()];
+    assert!(run(&words, "").status.success());
+    let (code, said) = examined(&address, &[]);
+    assert_eq!((code, said.lines().count()), (Some(0), 7), "{said}");
+    assert!(said.contains("\nok     backup: 0 h old.\n"), "{said}");
+
+    server.kill().unwrap();
+    server.wait().unwrap();
+    let (code, said) = examined(&address, &[]);
+    assert_eq!((code, said.lines().count()), (Some(2), 1));
+    assert!(said.starts_with("fails  server: no server answers at "), "{said}");
+}
+
+#[test]
+fn the_doctor_finds_keys_versions_and_clocks_that_are_wrong() {
+    let key = "fretwork_".to_owned() + &"0123456789abcdef".repeat(3);
+    let (dir, mut command) = (TempDir::new().unwrap(), fretwork(&[]));
+    command.env("FRETWORK_ADMIN_KEY", &key);
+    let (_server, address) = serve_by(command, dir.path());
+    let (code, said) = examined(&address, &[]);
+    assert_eq!(code, Some(2));
+    assert!(
+        said.contains("fails  key: the server refuses to show its metrics. Enter a key"),
+        "{said}"
+    );
+    let (code, said) = examined(&address, &["--key", &key]);
+    assert_eq!(code, Some(1), "{said}");
+    assert!(
+        said.contains("ok     proxy: the server believes that this client does not use TLS.\n"),
+        "{said}"
+    );
+
+    let metrics = "date: Sun, 06 Nov 1994 08:49:37 GMT\r\n\r\nfretwork_build_info{version=\"9.1\",numerics=\"1\"} 1\n\
+        fretwork_disk_free_bytes 5\nfretwork_last_backup_timestamp_seconds NaN\nfretwork_lost_commits 3\nfretwork_store_errors_total{kind=\"damaged\"} 0\n";
+    let metrics = format!("200 OK\r\n{metrics}");
+    let full = "503 No\r\n\r\n{\"detail\":\"The disk is full.\"}";
+    let none = "404 Not Found\r\n\r\n{}";
+    let (port, _) = answering(None, &[full, none, &metrics]);
+    let (code, said) = examined(&format!("http://127.0.0.1:{port}"), &[]);
+    assert_eq!(code, Some(2));
+    for bad in [
+        "fails  readiness: The disk is full. ",
+        "warns  version: 9.1. ",
+        "warns  disk: 5 B free. ",
+        "warns  backup: none is known. ",
+        "warns  clock: differs from that of the server by ",
+        "fails  damage: 3 acknowledged changes are missing, ",
+    ] {
+        assert!(said.contains(bad), "{bad}: {said}");
+    }
+}

@@ -298,7 +298,7 @@ async fn a_compressed_answer_has_a_weak_etag_and_is_cached() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_openapi_document_is_compressed_but_event_streams_are_not() {
+async fn texts_of_the_program_are_compressed_and_read_once_but_event_streams_are_not() {
     let gate = Gate::default();
     let server = Server::computing(gate.compute(), &Origins::Own).await;
     let plain = server.get("/openapi.json").await;
@@ -308,6 +308,22 @@ async fn the_openapi_document_is_compressed_but_event_streams_are_not() {
     let reply = coded(&server, "/openapi.json", "zstd").await;
     assert!(unpacked(&reply) == plain.body);
     assert!(coded(&server, "/healthz", "gzip").await.header("content-encoding").is_none());
+    // The copies of a client are valid in each coding until the program changes.
+    let all = ["/openapi.json", "/v1/schema/scenario", "/v1/examples", "/v1/examples/steel-ball"];
+    let mut tags = HashSet::new();
+    for address in all {
+        let reply = coded(&server, address, "zstd").await;
+        let tag = reply.header("etag").unwrap().to_owned();
+        assert_eq!((reply.status, reply.header("cache-control")), (200, Some("no-cache")));
+        assert!(tag.starts_with("W/\"") && server.get(address).await.header("etag") == Some(&tag));
+        for held in [&*tag, "*"] {
+            let known = server.send("GET", address, &[("If-None-Match", held)], "").await;
+            assert_eq!((known.status, known.body.len()), (304, 0), "{address} {held}");
+            assert_eq!(known.header("etag"), Some(&*tag));
+        }
+        let other = server.send("GET", address, &[("If-None-Match", "W/\"0\"")], "").await;
+        assert!(other.status == 200 && tags.insert(tag));
+    }
 
     let job = server.post("/v1/jobs", &steel_ball()).await.json();
     gate.open();

@@ -647,10 +647,15 @@ async fn an_export_goes_through_a_pipe() {
     assert!(output.status.success() && said.contains(": 2 results ("), "{said}");
     let refused = run(&["import", "-", "--data-dir", &to], "some text");
     fails(&refused, "standard input is not an export");
-    // A backup is a database, which is no stream.
-    let refused = run(&["backup", "-"], "");
-    let why = String::from_utf8_lossy(&refused.stderr);
-    assert!(why.contains("enter the name of a file"), "{refused:?}");
+    // A backup is the bytes of a database.
+    let saved = run(&["backup", "-", "--data-dir", &from], "");
+    let said = String::from_utf8(saved.stderr).unwrap();
+    assert!(saved.status.success() && said.starts_with("standard output: 2 results ("), "{said}");
+    let file = dir.path().join("saved.db");
+    fs::write(&file, saved.stdout).unwrap();
+    let restored = restore(&dir.path().join("restored"), &file, false).await.unwrap().0;
+    assert_eq!((restored.results, restored.damaged.len()), (2, 0));
+    fails(&run(&["backup", "-", "--keep", "3", "--data-dir", &from], ""), "name a file or a dir");
 }
 
 #[test]

@@ -13,7 +13,7 @@ use fretwork_store::{
     Repeatable, Store, Submitted,
 };
 use serde_json::{Value, json};
-use sqlx::{Connection as _, PgConnection};
+use sqlx::{Connection as _, Executor as _, PgConnection};
 use tempfile::{NamedTempFile, TempDir};
 use tokio::task::JoinSet;
 use tokio::time::{sleep, timeout};
@@ -728,8 +728,22 @@ async fn a_worker_answers_monitors_and_serves_nothing_else() {
     assert_eq!(metric(worker.address, "fretwork_workers").await, 1.0);
     let connections = metric(worker.address, "fretwork_database_connections").await;
     assert!((1.0..=9.0).contains(&connections), "{connections}");
-    // `fretwork backup` does not support PostgreSQL. So the metric must not cause an alert that asks for a backup.
-    assert!(metric(worker.address, "fretwork_last_backup_timestamp_seconds").await.is_nan());
+    // Other programs back PostgreSQL up. The metric must not cause an alert until one of them has written its time.
+    let backup = "fretwork_last_backup_timestamp_seconds";
+    assert!(metric(worker.address, backup).await.is_nan());
+    let examined = || {
+        let output = run(&["doctor", "--url", &format!("http://{}", worker.address)], "");
+        let said = String::from_utf8(output.stdout).unwrap();
+        said.lines().filter(|line| !line.starts_with("ok ")).map(str::to_owned).collect::<Vec<_>>()
+    };
+    let bad = examined();
+    assert!(bad[0].starts_with("warns  disk: unknown. "), "{bad:?}");
+    assert!(bad[1].starts_with("warns  backup: none is known. "), "{bad:?}");
+    let mut db = PgConnection::connect(cluster.address()).await.unwrap();
+    db.execute("UPDATE upkeep SET backed_up = moment()").await.unwrap();
+    let noted = metric(worker.address, backup).await;
+    assert!((noted - fretwork_job::clock::now() as f64 / 1e3).abs() < 3600.0, "{noted}");
+    assert_eq!(examined(), bad[..1]);
     for target in ["/", "/v1/jobs", "/version"] {
         let reply = worker.get(target).await;
         reply.problem(404, "not-found");

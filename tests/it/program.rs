@@ -167,6 +167,65 @@ fn several_files_and_changed_scenarios_are_computed() {
 }
 
 #[test]
+fn several_files_are_computed_at_the_same_time_and_printed_in_their_order() {
+    let dir = TempDir::new().unwrap();
+    let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let ball: Value = serde_json::from_str(http::EXAMPLES[0].body).unwrap();
+    let job = |number: usize| {
+        let mut scenario = ball["scenario"].clone();
+        scenario["friction"] = (0.5 + number as f64 / 100.0).into();
+        scenario["profiles_at"] = "none".into();
+        serde_json::json!({"scenario": scenario}).to_string()
+    };
+    let files: Vec<_> = (0..20).map(|number| at(&format!("{number:02}.json"))).collect();
+    for (number, file) in files.iter().enumerate() {
+        std::fs::write(file, if number == 7 { "{}".to_owned() } else { job(number) }).unwrap();
+    }
+    let input = dir.path().to_str().unwrap();
+    let output = run(&["run", &at("none.json"), input, "--format", "ndjson"], "");
+    let said = text(&output.stderr);
+    assert_eq!((output.status.code(), said.lines().count()), (Some(2), 21), "{said}");
+    let lines: Vec<_> = said.lines().collect();
+    assert!(lines[0].contains("cannot read"), "{said}");
+    for (file, line) in files.iter().zip(&lines[1..]) {
+        assert!(line.starts_with(&format!("{file}: ")), "{said}");
+    }
+    assert!(
+        lines[1].contains(": Wear volume ") && lines[1].contains(", Largest wear depth "),
+        "{said}"
+    );
+    let alone = |number: usize| run(&["run", "-", "--format", "ndjson"], job(number)).stdout;
+    let expected: Vec<_> = (0..20).filter(|number| *number != 7).flat_map(alone).collect();
+    assert!(output.stdout == expected);
+    // Faults are no summary.
+    let output = run(&["run", "--quiet", input, "-o", &at("results/")], "");
+    assert_eq!(text(&output.stderr).lines().count(), 1, "{}", text(&output.stderr));
+    assert_eq!(std::fs::read_dir(at("results")).unwrap().count(), 19);
+    assert_eq!(text(&run(&["run", "-q", &files[0]], "").stderr), "");
+
+    // The first file is complete only after the second one was computed.
+    if std::thread::available_parallelism().is_ok_and(|cores| cores.get() > 1) {
+        let fifo = at("first");
+        assert!(Command::new("mkfifo").arg(&fifo).status().unwrap().success());
+        let (pair, second) = (at("pair/"), dir.path().join("pair/01.json"));
+        let mut command = fretwork(&["run", &fifo, &files[1], "-o", &pair]);
+        let child = Running(command.stderr(Stdio::piped()).spawn().unwrap());
+        let begun = std::time::Instant::now();
+        while !second.exists() {
+            assert!(begun.elapsed() < std::time::Duration::from_mins(5), "one after the other");
+            std::thread::sleep(std::time::Duration::from_millis(10));
+        }
+        std::fs::write(&fifo, job(0)).unwrap();
+        let mut child = child;
+        assert!(child.wait().unwrap().success());
+        let lines = BufReader::new(child.stderr.take().unwrap()).lines();
+        let names: Vec<_> =
+            lines.map(|line| line.unwrap().split(": ").next().unwrap().to_owned()).collect();
+        assert_eq!(names, [fifo, files[1].clone()]);
+    }
+}
+
+#[test]
 fn a_place_that_cannot_be_written_is_refused_before_anything_is_read_or_computed() {
     let dir = TempDir::new().unwrap();
     let file = dir.path().join("file");

@@ -99,6 +99,63 @@ fn a_backup_of_a_read_only_file_system_is_possible() {
     }
 }
 
+#[tokio::test]
+async fn a_directory_keeps_the_newest_backups_and_what_is_none() {
+    let (data, store) = fresh().await;
+    compute(&store, 1, 1000).await;
+    store.close().await;
+    let target = TempDir::new().unwrap();
+    let dir = target.path().join("new/backups");
+    let words = ["backup", text(&dir), "--keep", "14", "--data-dir", text(data.path())];
+    assert!(run(&words, "").status.success());
+    let mut made = names(&dir);
+    let others = ["fretwork-mine.db", "fretwork-mineZ.db", "notes.txt"];
+    for name in others.iter().chain(&["fretwork-2020-01-01T000000.000Z.db.part"]) {
+        fs::write(dir.join(name), "").unwrap();
+    }
+    for _ in 1..20 {
+        let output = run(&words, "");
+        assert!(output.status.success(), "{}", said(&output));
+        let file = said(&output).split(": ").next().unwrap().to_owned();
+        made.push(Path::new(&file).file_name().unwrap().to_str().unwrap().to_owned());
+    }
+    assert!(made.is_sorted(), "{made:?}");
+    let kept: Vec<_> = made[6..].iter().map(String::as_str).chain(others).collect();
+    assert_eq!(names(&dir), kept);
+    for (number, name) in made[6..].iter().enumerate() {
+        let to = target.path().join(number.to_string());
+        assert_eq!(restore(&to, &dir.join(name), false).await.unwrap().0.results, 1);
+    }
+    // A database with damage replaces no sound backup.
+    damage(data.path(), false).await;
+    let output = run(&["backup", text(&dir), "--keep", "1", "--data-dir", text(data.path())], "");
+    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+    assert_eq!(names(&dir).len(), kept.len() + 1);
+    fails(&run(&["backup", &format!("{}/", text(&dir)), "--data-dir", text(&dir)], ""), "no file");
+}
+
+#[tokio::test]
+async fn a_backup_on_a_full_disk_leaves_the_old_ones() {
+    let (data, store) = fresh().await;
+    compute(&store, 1, 1000).await;
+    store.close().await;
+    let old = TempDir::new().unwrap();
+    let words = ["backup", text(old.path()), "--keep", "2", "--data-dir", text(data.path())];
+    assert!(run(&words, "").status.success() && run(&words, "").status.success());
+    let kept = names(old.path());
+    let disk = TempDir::new().unwrap();
+    // The disk is gone with the mount namespace, so its files are listed inside.
+    let script = "mount -t tmpfs -o size=8m tmpfs \"$0\" && if [ \"$OLD\" ]; then
+        cp \"$OLD\"/* \"$0\" && cat /dev/zero >\"$0/filler\" 2>/dev/null
+        \"$1\" backup \"$0\" --keep 1 --data-dir \"$DATA\"; echo $?; ls \"$0\"
+        cd \"$OLD\" && for file in *; do cmp \"$file\" \"$0/$file\"; done; exit; fi";
+    let Some(mut command) = mounting(script, disk.path()) else { return };
+    let output = command.env("OLD", old.path()).env("DATA", data.path()).output().unwrap();
+    let expected = format!("1\nfiller\n{}\n", kept.join("\n"));
+    assert_eq!(String::from_utf8_lossy(&output.stdout), expected, "{output:?}");
+    assert_eq!(said(&output).lines().filter(|line| line.starts_with("fretwork: ")).count(), 1);
+}
+
 /// Damages the result 1 of a closed database: a byte of its body, or the link from one page of its body to the next.
 async fn damage(dir: &Path, a_link: bool) {
     let mut db = raw(dir).await;

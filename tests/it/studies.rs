@@ -318,7 +318,8 @@ async fn impossible_amplitudes_of_a_map_are_rows_with_reasons() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn the_refusal_of_a_study_beyond_a_limit_states_its_size() {
-    let limits = WorkLimits { study_points: 5, study_bytes: 5000, ..WorkLimits::default() };
+    let study = Some(Duration::from_hours(1));
+    let limits = WorkLimits { study, study_points: 5, study_bytes: 5000, ..WorkLimits::default() };
     let (settings, options) = (Settings::default(), Options::default());
     let server = Server::limited(
         TempDir::new().unwrap(),
@@ -334,7 +335,10 @@ async fn the_refusal_of_a_study_beyond_a_limit_states_its_size() {
     assert!(detail.contains("has 6 points, and the limit of this server is 5"), "{detail}");
     let checked = server.post("/v1/scenarios", &sweep()).await.json();
     assert_eq!(checked["excess"], json!(detail));
+    assert_eq!(checked["time"], json!({"seconds": checked["cost"]["seconds"], "limit": 3600}));
     let checked = server.post("/v1/scenarios", &steel_ball()).await.json();
+    assert!(checked["time"]["seconds"].as_f64().unwrap() > 0.0, "{}", checked["time"]);
+    assert_eq!(checked["time"]["limit"], Value::Null);
     assert_eq!(checked.get("excess"), Some(&json!(null)));
     let mut small = sweep();
     small["sweep"]["vary"][1]["count"] = json!(2);

@@ -413,12 +413,11 @@ impl Store {
         each!(self, db => Box::pin(db.longest_wait()))
     }
 
-    /// When the last backup ended, in milliseconds since 1970; 0 if there was none. `None` for PostgreSQL, where other
-    /// programs make the backups.
+    /// When the last backup ended, in milliseconds since 1970; 0 if there was none. `None` for PostgreSQL, until another program
+    /// has written the time of its backup.
     pub fn last_backup(&self) -> Doing<'_, Option<i64>> {
         Box::pin(async move {
-            let query =
-                sql!("SELECT " ["backed_up FROM room" | "CAST(NULL AS BIGINT) AS backed_up"] "");
+            let query = sql!("SELECT backed_up FROM " ["room" | "upkeep"] "");
             Ok(self.reading().one(query).await?.get("backed_up")?)
         })
     }

@@ -1,7 +1,6 @@
 //! Scenarios: check, examples, schema.
 
-use axum::Json;
-use axum::http::header::CONTENT_TYPE;
+use axum::http::HeaderMap;
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use serde_json::value::RawValue;
@@ -9,10 +8,11 @@ use serde_json::{Map, Value};
 use tokio::task;
 use utoipa::ToSchema;
 
+use crate::http::answer::fixed::fixed;
 use crate::http::api::documents;
 use crate::http::{App, Body, FRESH_JSON, NoQuery, Problem, Result, Segment, kinds};
 use fretwork_engine::{Preview, SCHEMA, Scenario, Warning};
-use fretwork_job::{Canonical, Key, Prepared, Submission, Task};
+use fretwork_job::{Canonical, Key, Prepared, Submission, Task, TaskKind};
 use fretwork_json::{self as json, BadBody};
 use fretwork_study::Kind;
 
@@ -115,6 +115,7 @@ pub struct CheckedStudy {
     units: Map<String, Value>,
     /// What it takes.
     cost: StudyCost,
+    time: CheckedTime,
     /// The limit of this server that the study exceeds, and what to change. Null if it exceeds none. A server returns a
     /// stored result beyond its limits too.
     excess: Option<String>,
@@ -151,11 +152,23 @@ pub struct CheckedRun {
     /// Warnings about the validity of the model.
     #[schema(value_type = Vec<documents::Warning>)]
     warnings: Vec<Warning>,
+    time: CheckedTime,
     /// The limit of this server that the run exceeds, and what to change. Null if it exceeds none. A server returns a
     /// stored result beyond its limits too.
     excess: Option<String>,
     /// Related addresses.
     links: CheckedLinks,
+}
+
+/// How long a run or a study takes, and may take.
+#[derive(Debug, Serialize, ToSchema)]
+struct CheckedTime {
+    /// Estimated processor time, in seconds.
+    #[schema(example = 0.012)]
+    seconds: f64,
+    /// The limit of this server for this time, in seconds; null if there is none.
+    #[schema(example = 1800)]
+    limit: Option<u64>,
 }
 
 /// Addresses related to a checked scenario.
@@ -189,8 +202,11 @@ pub async fn check(app: App, _: NoQuery, body: Body) -> Result<Response> {
 pub(super) async fn checked(app: &App, prepared: Prepared) -> Result<Checked> {
     let warnings = prepared.warnings();
     let asked = prepared.asked();
-    let excess = app.service.limits().refuse(&prepared).map(|excess| excess.to_string());
-    let Prepared { key, task, .. } = prepared;
+    let limits = app.service.limits();
+    let excess = limits.refuse(&prepared).map(|excess| excess.to_string());
+    let Prepared { key, task, seconds, .. } = prepared;
+    let limit = if task.kind() == TaskKind::Run { limits.run } else { limits.study };
+    let time = CheckedTime { seconds, limit: limit.map(|limit| limit.as_secs()) };
     let cached = app.store.has_result(&key).await?;
     let links = CheckedLinks { result: format!("/v1/results/{key}"), submit: "/v1/jobs" };
     Ok(match task {
@@ -198,7 +214,7 @@ pub(super) async fn checked(app: &App, prepared: Prepared) -> Result<Checked> {
             // The limiting state takes a few milliseconds to compute.
             let computed = task::spawn_blocking(move || (Preview::of(&run.1), run.0.clone()));
             let (preview, scenario) = computed.await.map_err(Problem::bug)?;
-            let run = CheckedRun { key, cached, scenario, preview, warnings, excess, links };
+            let run = CheckedRun { key, cached, scenario, preview, warnings, time, excess, links };
             Checked::Run(Box::new(run))
         }
         Task::Study(study) => {
@@ -206,7 +222,8 @@ pub(super) async fn checked(app: &App, prepared: Prepared) -> Result<Checked> {
             let columns = study.columns().into_iter().map(|column| column.name).collect();
             let (points, seconds, answer_bytes) = (study.points(), study.seconds, study.bytes());
             let cost = StudyCost { points, seconds, answer_bytes };
-            let study = CheckedStudy { key, cached, asked, columns, units, cost, excess, links };
+            let study =
+                CheckedStudy { key, cached, asked, columns, units, cost, time, excess, links };
             Checked::Study(Box::new(study))
         }
     })
@@ -229,9 +246,12 @@ pub struct ExampleAnswer {
 ///
 /// Each can be sent to `POST /v1/jobs`. The first is the steel ball of the documentation.
 #[utoipa::path(get, path = "/v1/examples", operation_id = "list_examples", tag = "scenarios",
-    responses((status = 200, description = "The examples.", body = Vec<ExampleAnswer>)),
+    responses(
+        (status = 200, description = "The examples.", body = Vec<ExampleAnswer>),
+        (status = 304, description = "The client's copy is valid."),
+    ),
 )]
-pub async fn examples(_: NoQuery) -> Result<Json<Vec<ExampleAnswer>>> {
+pub async fn examples(headers: HeaderMap, _: NoQuery) -> Result<Response> {
     #[derive(serde::Deserialize)]
     struct Label {
         label: String,
@@ -241,8 +261,9 @@ pub async fn examples(_: NoQuery) -> Result<Json<Vec<ExampleAnswer>>> {
         let body = serde_json::from_str::<&RawValue>(example.body)?;
         Ok(ExampleAnswer { name: example.name, label, body })
     };
-    let answers: Result<_, serde_json::Error> = EXAMPLES.iter().map(read).collect();
-    answers.map(Json).map_err(Problem::bug)
+    let answers: serde_json::Result<Vec<_>> = EXAMPLES.iter().map(read).collect();
+    let text = answers.and_then(|answers| serde_json::to_vec(&answers)).map_err(Problem::bug)?;
+    Ok(fixed(&headers, "application/json", text))
 }
 
 /// Returns an example of a job body.
@@ -253,14 +274,15 @@ pub async fn examples(_: NoQuery) -> Result<Json<Vec<ExampleAnswer>>> {
     responses(
         (status = 200, description = "A job body.",
             content((ref("#/components/schemas/JobBody") = "application/json"))),
+        (status = 304, description = "The client's copy is valid."),
         (status = 404, description = "No example has this name."),
     ),
 )]
-pub async fn example(name: Segment, _: NoQuery) -> Result<Response> {
+pub async fn example(name: Segment, headers: HeaderMap, _: NoQuery) -> Result<Response> {
     let example = EXAMPLES.iter().find(|example| example.name == &*name).ok_or_else(|| {
         Problem::new(&kinds::NOT_FOUND, "No example has this name. GET /v1/examples lists all.")
     })?;
-    Ok(([(CONTENT_TYPE, "application/json")], example.body).into_response())
+    Ok(fixed(&headers, "application/json", example.body))
 }
 
 /// Returns the JSON Schema of a scenario.
@@ -268,11 +290,14 @@ pub async fn example(name: Segment, _: NoQuery) -> Result<Response> {
 /// Draft 2020-12, with the units, bounds and defaults of all members, for editors and forms.
 #[utoipa::path(get, path = "/v1/schema/scenario", operation_id = "get_scenario_schema",
     tag = "scenarios",
-    responses((status = 200, description = "A JSON Schema, draft 2020-12.",
-        content((serde_json::Value = "application/schema+json")))),
+    responses(
+        (status = 200, description = "A JSON Schema, draft 2020-12.",
+            content((serde_json::Value = "application/schema+json"))),
+        (status = 304, description = "The client's copy is valid."),
+    ),
 )]
-pub async fn schema(_: NoQuery) -> Response {
-    ([(CONTENT_TYPE, "application/schema+json")], SCHEMA.as_str()).into_response()
+pub async fn schema(headers: HeaderMap, _: NoQuery) -> Response {
+    fixed(&headers, "application/schema+json", SCHEMA.as_str())
 }
 
 #[cfg(test)]

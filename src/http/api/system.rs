@@ -10,6 +10,7 @@ use serde::Serialize;
 use tokio::time::timeout;
 use utoipa::ToSchema;
 
+use crate::http::answer::fixed::fixed;
 use crate::http::metrics::{Measurements, as_prometheus};
 use crate::http::transport::body::BODY_LIMIT;
 use crate::http::wire::negotiation::choose;
@@ -209,9 +210,10 @@ pub async fn metrics(app: App, headers: HeaderMap, _: NoQuery) -> Result<Respons
 /// It is generated from the routes of this server.
 #[utoipa::path(get, path = "/openapi.json", operation_id = "openapi", tag = "system", responses(
     (status = 200, description = "An OpenAPI 3.1 document.", body = serde_json::Value),
+    (status = 304, description = "The client's copy is valid."),
 ))]
-pub async fn openapi(app: App, _: NoQuery) -> Response {
-    ([(CONTENT_TYPE, "application/json")], app.document.clone()).into_response()
+pub async fn openapi(app: App, headers: HeaderMap, _: NoQuery) -> Response {
+    fixed(&headers, "application/json", app.document.clone())
 }
 
 /// Lists the problem types.

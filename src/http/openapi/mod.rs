@@ -122,6 +122,12 @@ pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
             {
                 add_representations(operation, *part, schema, &shared["representation"]);
             }
+            let is_json = operation.pointer("/responses/200/content/application~1json").is_some();
+            if is_json && method == Method::GET && path.starts_with("/v1/") {
+                let only = json!({"description": "The `Accept` header excludes JSON."});
+                let responses = operation["responses"].as_object_mut().into_iter();
+                responses.for_each(|all| _ = all.entry("406").or_insert(only.clone()));
+            }
             add_access_control(path, &method, needs, &shared, operation);
             add_shared_responses(&shared, operation);
             add_access_headers(needs, operation);

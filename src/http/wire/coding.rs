@@ -70,8 +70,8 @@ impl Coding {
         preferred(&[Self::Zstd, Self::Gzip], weight).unwrap_or(Self::Identity)
     }
 
-    /// Compresses an answer for one client, if it is a text of known size without an entity tag. Answers with an entity
-    /// tag are made from results or files, and are compressed already.
+    /// Compresses an answer for one client, if it is a text of known size without a strong entity tag. Answers with a strong
+    /// tag are made from results or files, and were compressed if that makes them shorter.
     pub async fn compress(self, mut answer: Response) -> Response {
         if !is_compressible(&answer) {
             return answer;
@@ -244,7 +244,8 @@ fn is_compressible(answer: &Response) -> bool {
         words.iter().any(|word| kind.contains(word)) && !kind.contains("event-stream")
     };
     let size = answer.body().size_hint().exact();
-    !headers.contains_key(ETAG)
+    let tag = headers.get(ETAG).map(HeaderValue::as_bytes);
+    tag.is_none_or(|tag| tag.starts_with(b"W/"))
         && !headers.contains_key(CONTENT_ENCODING)
         && size.is_some_and(|size| (MIN_SIZE..=MAX_SIZE).contains(&size))
         && kind.is_some_and(is_text)

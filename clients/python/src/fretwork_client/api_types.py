@@ -227,6 +227,12 @@ class CheckedRun(TypedDict):
 
 CheckedStudy: TypeAlias = "dict[str, Any]"
 
+class CheckedTime(TypedDict):
+    """How long a run or a study takes, and may take."""
+
+    limit: "NotRequired[int | None]"
+    seconds: "float"
+
 ChosenInstants: TypeAlias = "list[float]"
 
 class Columns(TypedDict):

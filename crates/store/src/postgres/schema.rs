@@ -9,7 +9,7 @@ use sqlx::postgres::PgConnection;
 use crate::database::{DatabaseUrl, Error, Result};
 
 /// The migrations of the schema: version, name and SQL.
-const CHANGES: [(i64, &str, &str); 10] = [
+const CHANGES: [(i64, &str, &str); 11] = [
     (1, "jobs", include_str!("../../../../migrations/postgres/0001_jobs.sql")),
     (2, "study died", include_str!("../../../../migrations/postgres/0002_study_died.sql")),
     (3, "lease lasts", include_str!("../../../../migrations/postgres/0003_lease_lasts.sql")),
@@ -20,6 +20,7 @@ const CHANGES: [(i64, &str, &str); 10] = [
     (8, "sessions", include_str!("../../../../migrations/postgres/0008_sessions.sql")),
     (9, "labelled", include_str!("../../../../migrations/postgres/0009_labelled.sql")),
     (10, "shared names", include_str!("../../../../migrations/postgres/0010_shared_names.sql")),
+    (11, "backed up", include_str!("../../../../migrations/postgres/0011_backed_up.sql")),
 ];
 
 /// The error if this version of the program must not write the tables.
