@@ -174,5 +174,5 @@ fn a_part_says_first_if_the_joined_result_is_too_large_for_an_import() {
     let output = study.compute(7);
     let said = succeeds(&output).lines().collect::<Vec<_>>();
     assert!(said[0].starts_with("the joined result could have "), "{said:?}");
-    assert!(said[1].starts_with("part 7/1000000: 1 chunks, 0 of them"), "{said:?}");
+    assert!(said[1].starts_with("part 7/1000000: 1 chunk, 0 of them"), "{said:?}");
 }
