@@ -89,13 +89,15 @@ impl Verdict {
         let is_estimated = !quality["degrees_of_freedom"].is_null();
         let is_repeated = !quality["lack_of_fit"].is_null();
         let name = capital(&law);
-        let named =
-            disagreeing.as_deref().and_then(|note| note.split_once(": ")?.1.rsplit_once(". "));
-        let but = named.map_or(String::new(), |it| format!(", but not {}", it.0));
+        let but = match document.value("outliers")?.as_array().map_or(0, Vec::len) {
+            0 => String::new(),
+            1 => " except one number".to_owned(),
+            count => format!(" except {count} numbers"),
+        };
         if !trend.is_empty() {
             let mut reason = trend.trim_start().to_owned();
             let is_scattered = items(&notes).any(|note| note["kind"] == "scatter");
-            if !is_estimated && !is_scattered && named.is_none() {
+            if !is_estimated && !is_scattered && but.is_empty() {
                 reason += " Their size alone gives no reason for doubt: they are ";
                 reason += &[&ratio, "as large as ", &errors, "."].concat();
             }
@@ -110,11 +112,12 @@ impl Verdict {
             told("untested", format!("The data do not test {law}."), reason.to_owned())
         } else {
             let condition = if errors == STATED { "" } else { " if their errors are as assumed" };
-            let size = match named {
-                None => format!("The residuals are {ratio}as large as {errors}."),
-                Some(_) => format!("{} allow the other residuals.", capital(&errors)),
+            let size = if but.is_empty() {
+                format!("The residuals are {ratio}as large as {errors}.")
+            } else {
+                format!("{} allow the other residuals.", capital(&errors))
             };
-            told("holds", format!("{name} describes these data{condition}{but}."), size)
+            told("holds", format!("{name} describes these data{but}{condition}."), size)
         }
     }
 }

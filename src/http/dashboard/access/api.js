@@ -116,3 +116,9 @@ export const post = (path, body, options = {}) => get(path, { method: "POST", bo
 
 /** Yields the events of a job until it has ended. */
 export const events = (path, signal) => follow((headers) => send(path, { headers, signal }), { signal });
+
+/** Submits a job, and waits a second for its result. */
+export const submitJob = (body, options) => post("/v1/jobs", body, { ...options, headers: { Prefer: "wait=1", "Idempotency-Key": idempotencyKey() } });
+
+/** The address of the view of a job: of its result, or of its progress. */
+export const viewOf = ({ state, key, id }, words = "") => (state === "succeeded" ? `#/result/${key}?job=${id}` : `#/run/${id}${words}`);

@@ -5,7 +5,7 @@ import { fieldText, kindAt, printed } from "../quantities/kinds.js";
 import { valueAt } from "../quantities/pointer.js";
 import { understand } from "../quantities/typed.js";
 import { duration } from "../quantities/units.js";
-import { idempotencyKey, post, Problem } from "../access/api.js";
+import { post, Problem, submitJob, viewOf } from "../access/api.js";
 import { entryOf, sourceTag, title } from "../library/summary.js";
 import { pointsOf } from "../measure/model.js";
 import { contentOf } from "../measure/sets.js";
@@ -221,8 +221,8 @@ export class FitForm {
     this.#submit.disabled = true;
     try {
       const label = this.#label().slice(0, 200);
-      const job = await post("/v1/jobs", { label, tags: [sourceTag(this.source)], ...this.#body() }, { headers: { Prefer: "wait=1", "Idempotency-Key": idempotencyKey() } });
-      if (this.element.isConnected) location.hash = job.state === "succeeded" ? `#/result/${job.key}?job=${job.id}` : `#/run/${job.id}`;
+      const job = await submitJob({ label, tags: [sourceTag(this.source)], ...this.#body() });
+      if (this.element.isConnected) location.hash = viewOf(job);
     } catch (problem) {
       this.#show(problem);
       this.#submit.disabled = false;

@@ -1,17 +1,18 @@
 // The result of a fit: what the data do not determine, the estimates, and the figures that show whether the law holds.
 
-import { asJson, fill, h, list, tableOf } from "../page/dom.js";
+import { asJson, button, fill, h, list, tableOf } from "../page/dom.js";
 import { inputRows } from "../quantities/input-rows.js";
 import { valueAt } from "../quantities/pointer.js";
 import { axisUnit, withUnit } from "../quantities/scaling.js";
-import { cycles, digits, quantity, squaredOf, together, WORDS } from "../quantities/units.js";
+import { digits, quantity, squaredOf, together, WORDS } from "../quantities/units.js";
 import { may } from "../access/allowed.js";
-import { get, idempotencyKey, post, resultAddress } from "../access/api.js";
+import { get, resultAddress, submitJob, viewOf } from "../access/api.js";
 import { Figure } from "../figure/figure.js";
 import { drawActions } from "../library/actions.js";
 import { drawSource } from "../library/derived.js";
 import { nameOf, sourceTag } from "../library/summary.js";
 import { setsOfFit } from "../measure/sets.js";
+import { placeOf } from "../measure/words.js";
 import { dataFigure, energyFigure, groupsOf, profileFigure, residualFigure, rowsOf } from "./figures.js";
 import { named, symbolAt, unitAt, wordsOf } from "./names.js";
 
@@ -92,40 +93,49 @@ function correlationTable({ correlation, parameters }) {
     h("p", { class: "muted" }, COMPENSATED));
 }
 
-function pointTable(result) {
+/** A measured number in words: wear volume of lab A at N = 3000. */
+const numberWords = (row) => `${lower(WORDS[row.output] ?? "Wear")} of ${row.test} at ${placeIn(row)}`;
+const placeIn = ({ over, x }) => placeOf({ kind: over === "radius" && "profile", over }, x);
+
+/** The pointers of all measured numbers, in the order of the table. */
+const pointersOf = ({ tests }) => tests.flatMap(({ data }, i) => data.flatMap((own, j) => Object.entries(own).flatMap(([name, values]) =>
+  (["y", "depth"].includes(name) ? values.map((_, k) => `/tests/${i}/data/${j}/${name}/${k}`) : []))));
+
+function pointTable(result, refit) {
   const rows = rowsOf(result.table);
   const scales = Object.fromEntries(groupsOf(result).map(({ output, unit }) => [output, axisUnit(unit, Math.max(...rows.filter((row) => row.output === output).map(({ measured, predicted }) => Math.max(measured ?? 0, predicted ?? 0))))]));
-  const place = ({ over, x }) => (over === "cycles" ? cycles(x) : quantity(x, over === "radius" ? "m" : "J", 4));
   const cell = ({ output }, value) => h("td", {}, digits(value == null ? null : value * scales[output].factor, 4));
   const outliers = new Map((result.outliers ?? []).map((outlier) => [outlier.row, outlier]));
-  const left = new Set(result.fit.without ?? []);
-  const distance = (own, i) => (outliers.has(i) ? h("strong", { class: "differs" }, digits(outliers.get(i).studentized, 2), ", disagrees") : left.size && own.studentized == null ? "left out" : digits(own.residual, 2));
-  const row = (own, i) => h("tr", {}, h("td", {}, own.test), h("td", {}, withUnit(WORDS[own.output] ?? "Wear", scales[own.output].unit)), h("td", {}, place(own)),
-    cell(own, own.measured), cell(own, own.deviation), cell(own, own.predicted), h("td", {}, distance(own, i)), h("td", {}, [own.prediction_low, own.prediction_high].map((end) => digits(end == null ? null : end * scales[own.output].factor, 4)).join(" to ")));
-  const heads = ["Test", "Output", "Place", "Measured", "σ", "Fit", "Residual/σ", "New tests"];
+  const { without = [] } = result.fit;
+  const boxes = pointersOf(result.fit).map((pointer, i) => h("input", { type: "checkbox", checked: without.includes(pointer), value: pointer, "aria-label": `Leave out ${numberWords(rows[i])}` }));
+  const distance = (own, i) => (outliers.has(i) ? h("strong", { class: "differs" }, digits(outliers.get(i).studentized, 2), ", disagrees") : digits(own.residual, 2));
+  const row = (own, i) => h("tr", {}, h("td", {}, own.test), h("td", {}, withUnit(WORDS[own.output] ?? "Wear", scales[own.output].unit)), h("td", {}, placeIn(own)),
+    cell(own, own.measured), cell(own, own.deviation), cell(own, own.predicted), h("td", {}, distance(own, i)), h("td", {}, [own.prediction_low, own.prediction_high].map((end) => digits(end == null ? null : end * scales[own.output].factor, 4)).join(" to ")),
+    h("td", {}, own.measured != null && boxes[i]));
+  const heads = ["Test", "Output", "Place", "Measured", "σ", "Fit", "Residual/σ", "New tests", "Leave out"];
   return h("details", { class: "card" }, h("summary", {}, "Measured and fitted numbers"), tableOf("Measured and fitted numbers", heads, rows.slice(0, ROWS).map(row), { id: "points" }),
-  rows.length > ROWS && h("p", { class: "muted" }, `The first ${ROWS} rows. The download contains all rows.`));
+    refit("Fit without the ticked numbers", () => boxes.flatMap(({ checked, value }) => (checked ? [value] : []))),
+    rows.length > ROWS && h("p", { class: "muted" }, `The first ${ROWS} rows. The download contains all rows.`));
 }
 
-/** Buttons that fit the same data without the numbers that disagree, or with less weight for them. */
-function refitButtons({ fit, outliers = [] }, { label, source }) {
-  if (!may("submit") || !outliers.length) return null;
-  const fault = h("p", { class: "fault" });
-  const button = (text, name, more) => h("button", { type: "button", onclick: async ({ target }) => {
-    target.disabled = true;
-    try {
-      const tags = source ? [sourceTag(source)] : [];
-      const body = { label: `${label || "Fit"}, ${name}`.slice(0, 200), tags, fit: { ...fit, ...more } };
-      const job = await post("/v1/jobs", body, { headers: { Prefer: "wait=1", "Idempotency-Key": idempotencyKey() } });
-      if (target.isConnected) location.hash = job.state === "succeeded" ? `#/result/${job.key}?job=${job.id}` : `#/run/${job.id}`;
-    } catch (problem) {
-      fault.textContent = problem.detail ?? problem.message;
-      target.disabled = false;
-    }
-  } }, text);
-  const without = [...(fit.without ?? []), ...outliers.map(({ pointer }) => pointer)];
-  return h("div", { class: "row", id: "refit" }, button(outliers.length > 1 ? `Fit without these ${outliers.length} numbers` : "Fit without this number", "without outliers", { without }),
-    fit.loss !== "huber" && button("Fit with less weight for them (Huber)", "Huber", { loss: "huber" }), fault);
+/** Gives a button that fits the same data again without the numbers at some pointers; none for who may not. */
+const refitting = ({ fit }, { label, source }, signal) => (text, pointers, more) => may("submit") && button(text, async () => {
+  const without = pointers();
+  const name = [without.length && `without ${without.length} ${without.length > 1 ? "numbers" : "number"}`, more && "Huber"].filter(Boolean).join(", ");
+  const body = { label: [(label || "Fit").replace(/, (without \d|Huber).*/, "").slice(0, 160), name].filter(Boolean).join(", "), tags: source ? [sourceTag(source)] : [], fit: { ...fit, without, ...more } };
+  const job = await submitJob(body);
+  if (!signal.aborted) location.hash = viewOf(job);
+});
+
+/** What was left out, and what disagrees, with buttons to leave it out or to give it less weight. */
+function doubtful({ fit, outliers = [], table }, refit) {
+  const { without = [], loss } = fit;
+  const left = rowsOf(table).filter((_, i) => without.includes(pointersOf(fit)[i]));
+  const these = outliers.length > 1 ? `these ${outliers.length} numbers` : "this number";
+  return [left.length > 0 && h("p", { id: "left-out" }, `Left out: ${left.map(numberWords).join("; ")}.`),
+    outliers.length > 0 && [h("p", { class: "muted" }, "A result compares measurements with its run as it is, and judges them by their scatter. A fit moves its curve first, and judges them by the errors that you entered. So the two can name different numbers."),
+      h("div", { class: "row", id: "refit" }, refit(`Leave out ${these} and fit again`, () => [...without, ...outliers.map(({ pointer }) => pointer)]),
+        loss !== "huber" && refit("Fit again with less weight for outliers (Huber)", () => without, { loss: "huber" }))]];
 }
 
 /** Shows a fit, which was loaded without its rows. */
@@ -137,7 +147,8 @@ export async function showFit(main, { key }, { job, link, trust, signal }) {
     return { outcome: "untested", verdict: "The verdict could not be loaded.", reason: problem.message };
   };
   const [result, verdict] = await Promise.all([read(""), read("/verdict").catch(unread)]);
-  const { fit, parameters = [], notes = [], quality } = result;
+  const { fit, parameters = [], notes = [], outliers = [], quality } = result;
+  const refit = refitting(result, job, signal);
   const heading = job.label || "Fit";
   const source = h("span", { id: "derived", hidden: true });
   document.title = `${heading} · fretwork`;
@@ -154,16 +165,16 @@ export async function showFit(main, { key }, { job, link, trust, signal }) {
     fill(body,
       trust.map(({ detail }) => h("p", { class: "warning" }, detail)),
       against.length > 0 && quality && h("section", { class: "card warning", "aria-label": "Notes" }, h("h2", {}, "What these data do not say"),
-        h("ul", { id: "fit-notes" }, against.map(({ kind, detail }) => h("li", { "data-note": kind }, inWords(detail, parameters)))), refitButtons(result, job)),
+        h("ul", { id: "fit-notes" }, against.map(({ kind, detail }) => h("li", { "data-note": kind }, inWords(detail, parameters))))),
       h("section", { class: "card", "aria-label": "Estimates" }, h("h2", {}, `Estimates from ${dataWords(result)}`),
         h("dl", { class: "headline", id: "estimates" }, parameters.map((parameter) => estimateTile(parameter, result, verdict)), quality && correlationTile(result)),
-        h("p", { id: "law" }, h("strong", { class: STYLES[verdict.outcome] }, verdict.verdict), ` ${inWords(verdict.reason, parameters)}`)),
+        h("p", { id: "law" }, h("strong", { class: verdict.outcome === "holds" && outliers.length ? "" : STYLES[verdict.outcome] }, verdict.verdict), ` ${inWords(verdict.reason, parameters)}`), doubtful(result, refit)),
       h("div", { class: "plots" }, figures.map(([name, figure], i) => h("section", { class: "card", "aria-label": labelOf(name, i) }, figure.element,
         name === "Wear over energy" && h("p", { class: "muted" }, result.lines.map(({ weights, energy_coefficient: slope, interval, r_squared: squared }) =>
           `${weights === "equal" ? "All points equal" : "Weighted by their errors"}: α\u00a0=\u00a0${quantity(slope, "m^3/J", 3)}, ${together(interval, "m^3/J", " to ")}, R²${squaredOf(squared)}. `)))),
       quality && correlationTable(result)),
       scenarioCard(result, source),
-      pointTable(result),
+      pointTable(result, refit),
       asJson("Fit", fit));
     plans().forEach(([, { title, curves, axes }], i) => {
       figures[i][1].title = title;

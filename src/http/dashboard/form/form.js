@@ -7,7 +7,7 @@ import { takeDropped } from "../page/dropped.js";
 import { useLimits } from "../quantities/limits.js";
 import { may } from "../access/allowed.js";
 import { signedIn } from "../access/sign-in.js";
-import { get, idempotencyKey, Problem, post } from "../access/api.js";
+import { get, Problem, post, submitJob, viewOf } from "../access/api.js";
 import { kindOf, sourceOf, sourceTag } from "../library/summary.js";
 import { choose, isPossible, jobBody, newStudy, OFFERS, studyOf, varied } from "../study/vary.js";
 import { measureForRun, showWithRun } from "../measure/measure.js";
@@ -349,14 +349,13 @@ export async function showForm(main, { query: asked, signal }) {
     submitting = true;
     allowKeep();
     try {
-      const headers = { Prefer: "wait=1", "Idempotency-Key": idempotencyKey() };
-      const job = await post("/v1/jobs", { ...jobBody(form.scenario, form.study), ...(label() && { label: label() }), private: privately.checked,
-        ...(form.source && !isStudy() && { tags: [sourceTag(form.source)] }) }, { headers });
+      const job = await submitJob({ ...jobBody(form.scenario, form.study), ...(label() && { label: label() }), private: privately.checked,
+        ...(form.source && !isStudy() && { tags: [sourceTag(form.source)] }) });
       await showWithRun(job.key);
       // The user may have opened another view meanwhile.
       if (signal.aborted) return;
       kept.keep(null);
-      location.hash = job.state === "succeeded" ? `#/result/${job.key}?job=${job.id}` : `#/run/${job.id}${draft.isRunning ? "?draft=yes" : ""}`;
+      location.hash = viewOf(job, draft.isRunning ? "?draft=yes" : "");
     } catch (problem) {
       if (signal.aborted) return;
       showAll(problem);

@@ -9,7 +9,8 @@ const SMALL = 1e-4;
 const size = (fraction) => (Math.abs(fraction) < SMALL ? `less than ${percent(SMALL)}` : percent(Math.abs(fraction), 2));
 const signed = (fraction) => (Math.abs(fraction) < SMALL ? size(fraction) : `${fraction > 0 ? "+" : "−"}${size(fraction)}`);
 
-function placeOf({ kind, over }, x) {
+/** A place in words: N = 3000. */
+export function placeOf({ kind, over }, x) {
   if (kind === "profile") return `r\u00a0=\u00a0${quantity(x, "m", 3)}`;
   return over === "dissipated_energy" ? `ΣE\u00a0=\u00a0${quantity(x, "J", 3)}` : `N\u00a0=\u00a0${cycles(x)}`;
 }

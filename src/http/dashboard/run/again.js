@@ -1,14 +1,13 @@
 // The button that computes an evicted or deleted result again, or continues a canceled study.
 
 import { button, h } from "../page/dom.js";
-import { idempotencyKey, post } from "../access/api.js";
+import { submitJob, viewOf } from "../access/api.js";
 import { kindOf } from "../library/summary.js";
 import { editLink } from "../study/vary.js";
 
 /** A button that submits a study. If it was canceled before, it continues from the points that were computed. */
 export const submitStudy = (text, kind, { [kind]: study, label }) => button(text, async () => {
-  const job = await post("/v1/jobs", { [kind]: study, ...(label && { label }) }, { headers: { "Idempotency-Key": idempotencyKey() } });
-  location.hash = `#/run/${job.id}`;
+  location.hash = viewOf(await submitJob({ [kind]: study, ...(label && { label }) }));
 });
 
 /** The button, if the problem has a scenario or a study. It opens the form, or submits a study that the form cannot show. */

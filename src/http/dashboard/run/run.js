@@ -3,7 +3,7 @@
 import { button, dateTime, debounced, fill, h, list, notify } from "../page/dom.js";
 import { cycles, duration } from "../quantities/units.js";
 import { may } from "../access/allowed.js";
-import { events, get, jobAddress, post } from "../access/api.js";
+import { events, get, jobAddress, post, viewOf } from "../access/api.js";
 import { errorCard } from "../access/error.js";
 import { drawSource } from "../library/derived.js";
 import { beside, isOwn } from "../library/owners.js";
@@ -143,6 +143,6 @@ export async function showRun(main, { id, query, signal }) {
     if (job.state !== "succeeded") job = await get(address, { signal });
     draw();
     if (job.state === "canceled") await soFar.last().then(draw);
-    if (job.state === "succeeded") location.replace(`#/result/${job.key}?job=${id}`);
+    if (job.state === "succeeded") location.replace(viewOf(job));
   }
 }

@@ -4,7 +4,7 @@ import { keepState } from "../page/address.js";
 import { button, capital, choice, dateTime, debounced, h, notify, select } from "../page/dom.js";
 import { columnOf } from "../quantities/scaling.js";
 import { may } from "../access/allowed.js";
-import { get, jobAddress, post, send } from "../access/api.js";
+import { get, jobAddress, post, send, viewOf } from "../access/api.js";
 import { saveAs } from "../figure/save.js";
 import { beside, Everybody, isOwn } from "../library/owners.js";
 import { draftMark, DRAFTS, isDraft, knownName, loadNames } from "../library/summary.js";
@@ -83,7 +83,7 @@ export async function showRuns(main, { query, signal }) {
     const name = knownName(job) ?? "…";
     const done = job.state === "succeeded";
     return h("tr", {},
-      h("th", { scope: "row" }, h("a", { href: done ? `#/result/${job.key}?job=${job.id}` : `#/run/${job.id}`, "data-name": job.id }, name),
+      h("th", { scope: "row" }, h("a", { href: viewOf(job), "data-name": job.id }, name),
         beside(job.owner), isDraft(job) && draftMark()),
       h("td", {}, h("span", { class: `state ${job.state}` }, job.state),
         OPEN.includes(job.state) && h("progress", { max: 1, value: job.progress, "aria-label": "Progress" })),

@@ -2,7 +2,7 @@
 
 import { notify } from "../page/dom.js";
 import { setValueAt } from "../quantities/pointer.js";
-import { idempotencyKey, post } from "../access/api.js";
+import { submitJob, viewOf } from "../access/api.js";
 import { pointWords } from "./words.js";
 
 /** The scenario of a row: that of the study with the numbers of the row. It has profiles, which the study does not keep. */
@@ -23,8 +23,7 @@ export function opener(view, name, signal) {
     notify("Opening the run…");
     try {
       const label = [name, pointWords(view(), (pointer) => view().table[pointer][row])].filter(Boolean).join(": ").replaceAll("\u00a0", " ").slice(0, 200);
-      const job = await post("/v1/jobs", { scenario: scenarioOf(view(), row), label }, { headers: { Prefer: "wait=2", "Idempotency-Key": idempotencyKey() }, signal });
-      location.hash = job.state === "succeeded" ? `#/result/${job.key}?job=${job.id}` : `#/run/${job.id}`;
+      location.hash = viewOf(await submitJob({ scenario: scenarioOf(view(), row), label }, { signal }));
     } catch (problem) {
       if (!signal.aborted) notify(problem.detail ?? problem.message);
     } finally {
