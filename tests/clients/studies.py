@@ -311,7 +311,7 @@ def distribution(page, base):
         "scales.indentation_depth": lambda z: depth["outputs"]["scales.indentation_depth"] * (1 + 0.05 * z) ** (2 / 3)}
     for output, quantile in known.items():
         page.select_option("#statistics-output", output)
-        for name, share in (("percentile_5", 0.05), ("percentile_25", 0.25), ("median", 0.5), ("percentile_75", 0.75), ("percentile_95", 0.95),
+        for name, share in (("percentile_5", 0.05), ("percentile_10", 0.1), ("percentile_25", 0.25), ("median", 0.5), ("percentile_75", 0.75), ("percentile_90", 0.9), ("percentile_95", 0.95),
                 ("percentile_97_5", 0.975)):
             # Four standard errors of the share of the points below a percentile.
             error = 4 * math.sqrt(share * (1 - share) / count)

@@ -483,9 +483,11 @@ async fn the_statistics_of_a_random_sample_are_those_of_a_known_distribution() {
     for (name, share, z) in [
         ("percentile_2_5", 0.025, -1.959_964),
         ("percentile_5", 0.05, -1.644_854),
+        ("percentile_10", 0.1, -1.281_552),
         ("percentile_25", 0.25, -0.674_490),
         ("median", 0.5, 0.0),
         ("percentile_75", 0.75, 0.674_490),
+        ("percentile_90", 0.9, 1.281_552),
         ("percentile_95", 0.95, 1.644_854),
         ("percentile_97_5", 0.975, 1.959_964),
     ] {

@@ -396,13 +396,14 @@ mod tests {
             csv.lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect::<Vec<_>>()
         };
         let names = "output,unit,points,mean,standard_deviation,minimum,percentile_2_5,\
-            percentile_5,percentile_25,median,percentile_75,percentile_95,percentile_97_5,maximum,\
+            percentile_5,percentile_10,percentile_25,median,percentile_75,percentile_90,percentile_95,\
+            percentile_97_5,maximum,\
             percentile_2_5_low,percentile_2_5_high,percentile_5_low,percentile_5_high,\
             percentile_95_low,percentile_95_high,percentile_97_5_low,percentile_97_5_high";
         // One value has no standard deviation, and does not show how far a percentile is known.
         let row = format!(
             "\"wear_volume\",\"mm^3\",1.0,0.000125,{}{}",
-            ",0.000125".repeat(9),
+            ",0.000125".repeat(11),
             ",".repeat(8)
         );
         assert_eq!(made(Part::Statistics), [names.to_owned(), row]);

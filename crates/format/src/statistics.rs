@@ -6,13 +6,15 @@ use fretwork_job::TaskKind;
 use fretwork_study::stats::summary::Summary;
 
 /// The percentiles, with the names of their columns.
-const PERCENTILES: [(&str, f64); 9] = [
+const PERCENTILES: [(&str, f64); 11] = [
     ("minimum", 0.0),
     ("percentile_2_5", 0.025),
     ("percentile_5", 0.05),
+    ("percentile_10", 0.1),
     ("percentile_25", 0.25),
     ("median", 0.5),
     ("percentile_75", 0.75),
+    ("percentile_90", 0.9),
     ("percentile_95", 0.95),
     ("percentile_97_5", 0.975),
     ("maximum", 1.0),

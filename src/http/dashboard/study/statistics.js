@@ -9,8 +9,8 @@ import { Chart } from "./chart.js";
 
 /** The statistics of the API, with their words. */
 const STATISTICS = [["mean", "Mean"], ["standard_deviation", "Standard deviation"], ["minimum", "Least"],
-  ["percentile_2_5", "2.5th percentile"], ["percentile_5", "5th percentile"], ["percentile_25", "25th percentile"], ["median", "Median"],
-  ["percentile_75", "75th percentile"], ["percentile_95", "95th percentile"], ["percentile_97_5", "97.5th percentile"], ["maximum", "Largest"]];
+  ["percentile_2_5", "2.5th percentile"], ["percentile_5", "5th percentile"], ["percentile_10", "10th percentile"], ["percentile_25", "25th percentile"], ["median", "Median"],
+  ["percentile_75", "75th percentile"], ["percentile_90", "90th percentile"], ["percentile_95", "95th percentile"], ["percentile_97_5", "97.5th percentile"], ["maximum", "Largest"]];
 /** The statistics beside the histogram. */
 const TILES = STATISTICS.map(([name]) => name).filter((name) => name !== "minimum" && name !== "maximum");
 /** The lines in the histogram. Those without a name are faint: their names would cover their neighbours. */
@@ -23,7 +23,7 @@ function ofOutput(columns, output) {
   return Object.fromEntries(Object.entries(columns).map(([name, values]) => [name, rows.map((row) => values[row])]));
 }
 
-const SHARES = { minimum: 0, percentile_2_5: 0.025, percentile_5: 0.05, percentile_25: 0.25, median: 0.5, percentile_75: 0.75, percentile_95: 0.95, percentile_97_5: 0.975, maximum: 1 };
+const SHARES = { minimum: 0, percentile_2_5: 0.025, percentile_5: 0.05, percentile_10: 0.1, percentile_25: 0.25, median: 0.5, percentile_75: 0.75, percentile_90: 0.9, percentile_95: 0.95, percentile_97_5: 0.975, maximum: 1 };
 const MAX_BINS = 50;
 
 /** The value below which a share of sorted values lies. */
@@ -73,7 +73,7 @@ export function statisticsOf(view, { statistics, bins }, { isSample, signal }) {
     const count = value("points");
     const who = isSample ? "points of the sample" : "points";
     headline.replaceChildren(...(count ? [`${view.title(output)}: 90\u00a0% of the ${who} lie between `, h("strong", {}, shown("percentile_5")), " and ", h("strong", {}, shown("percentile_95")),
-      ", and 95\u00a0% between ", h("strong", {}, shown("percentile_2_5")), " and ", h("strong", {}, shown("percentile_97_5")), "."]
+      ", and 95\u00a0% between ", h("strong", {}, shown("percentile_2_5")), " and ", h("strong", {}, shown("percentile_97_5")), ". 90\u00a0% stay below ", h("strong", {}, shown("percentile_90")), ", and 10\u00a0% below ", h("strong", {}, shown("percentile_10")), "."]
       : ["No point has this output."]));
     const between = (name) => `between ${shown(`${name}_low`)} and ${shown(`${name}_high`)}`;
     const known = (share, low, high) => `the lower end of the ${share}\u00a0% is known to lie ${between(low)}, and the upper end ${between(high)}`;
