@@ -2,7 +2,7 @@
 
 import { fill } from "../page/dom.js";
 import { symbolOf, term } from "../quantities/explain.js";
-import { cycles, digits, isLine, quantity, wordOf, WORDS } from "../quantities/units.js";
+import { cycles, digits, isLine, percent, quantity, wordOf, WORDS } from "../quantities/units.js";
 import { axisLimit, branches, extent, spread } from "./curves.js";
 
 export const PROFILES = ["worn", "wear", "pressure", "slip", "image"];
@@ -80,10 +80,10 @@ function profileCurves(result, name, { row, chosen = [], other }) {
   const others = chosen.length ? [] : spread(outputs.map((_, i) => i).filter((i) => i !== row && outputs[i] > 0), MAX_OTHERS);
   const curves = others.map((i) => ({ name: "", column: `N = ${cycles(outputs[i])}`, cycle: outputs[i], x, y: rows[i], ink: 6, faint: true }));
   if (!chosen.length && outputs[row] > 0) curves.push({ name: "Unworn", cycle: 0, x, y: isWorn ? initial : rows[0], ink: 4, dash: "dashed", label: "apart" });
-  // Chosen curves often coincide, so that their names stand in a legend.
-  curves.push(...curvesOfRows(result, name, chosen.length ? chosen : [row], { other, label: chosen.length ? "legend" : "apart" }));
+  // Chosen curves and those of two methods often coincide, so that their names stand in a legend.
+  curves.push(...curvesOfRows(result, name, chosen.length ? chosen : [row], { other, label: chosen.length || other ? "legend" : "apart" }));
   if (limiting && (isWorn || name === "wear")) {
-    curves.push({ name: "Limit", x, y: isWorn ? limiting : limiting.map((height, i) => height - initial[i]), ink: 3, dash: "dotted", label: "apart" });
+    curves.push({ name: "Limit", x, y: isWorn ? limiting : limiting.map((height, i) => height - initial[i]), ink: 9, dash: "dash-dot-dotted", label: "apart" });
   }
   return curves;
 }
@@ -104,6 +104,17 @@ export function perOf({ scales, scenario: { profile } }, name, isRatio) {
   return [by(isLine(profile) ? "$x$" : "$r$", "a", scales.contact_radius), HEIGHTS.includes(name) && !isLine(profile) ? by(symbolOf(name), "d", scales.indentation_depth) : {}];
 }
 
+/** The wear by the other method at an output cycle, and its difference from this run. */
+function besideWords({ history, units, scenario }, other, at) {
+  const [own, row] = [history, other?.history].map((from) => from?.cycles.indexOf(at) ?? -1);
+  if (!(at > 0 && own >= 0 && row >= 0)) return "";
+  const words = ["wear_volume", "wear_depth"].map((name) => {
+    const [value, change] = [other.history[name][row], other.history[name][row] / history[name][own] - 1];
+    return `${WORDS[name].toLowerCase()} ${quantity(value, units[name], 3)}, ${percent(Math.abs(change), 2)} ${change < 0 ? "less" : "more"}`;
+  });
+  return `${other.name} beside the ${WORDS[scenario.model.method].toLowerCase()} at N\u00a0=\u00a0${cycles(at)}: ${words.join("; ")}. `;
+}
+
 export function drawProfile(figure, outside, result, { plot: name, row, chosen = [], other, scale }) {
   if (!result.profiles) return;
   const { profiles, units, scenario } = result;
@@ -111,8 +122,8 @@ export function drawProfile(figure, outside, result, { plot: name, row, chosen =
   const curves = profileCurves(result, name, { row, chosen, other });
   const range = rangeOf(result, name);
   const [peak, radius] = curves.filter(({ isMain }) => isMain).flatMap(({ y, x }) => y.map((own, i) => [own, x[i]])).reduce((most, own) => (own[0] > most[0] ? own : most), [-Infinity]);
-  outside.textContent = range && peak > range[1] * 1.0001
-    ? `Peak outside the axis range: ${quantity(peak, units[name])} at ${letter} = ${quantity(radius, units.radius)}, at an edge of the worn profile.` : "";
+  outside.textContent = besideWords(result, other, profiles.cycles[chosen.at(-1) ?? row]) + (range && peak > range[1] * 1.0001
+    ? `Peak outside the axis range: ${quantity(peak, units[name])} at ${letter} = ${quantity(radius, units.radius)}, at an edge of the worn profile.` : "");
   figure.title = chosen.length ? `${WORDS[name]} at chosen cycles` : after(name, profiles.cycles[row]);
   const across = wordOf("radius", scenario);
   const [wide, high] = perOf(result, name, scale === "ratio");

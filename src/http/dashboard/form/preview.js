@@ -1,7 +1,8 @@
 // The result beside the form, drawn from each evaluation: numbers with their errors, profiles, histories, loop and section.
 
-import { debounced, fill, h } from "../page/dom.js";
-import { cycles } from "../quantities/units.js";
+import { button, debounced, fill, h } from "../page/dom.js";
+import { cycles, quantity } from "../quantities/units.js";
+import { post } from "../access/api.js";
 import { Cursors, Figure } from "../figure/figure.js";
 import { playButton } from "../figure/player.js";
 import { drawHistory, drawLoop, drawProfile, nearest } from "../figure/run.js";
@@ -22,7 +23,9 @@ export class Preview {
   #steps = h("input", { type: "range", id: "output", min: 0, step: 1, "aria-label": "Cycles", oninput: () => this.#showRow(Number(this.#steps.value)) });
   #position = h("output", { for: "output", id: "at" });
   #player = h("span", {});
-  #headline = { first: h("dl", { class: "headline", id: "headline" }), others: h("dl", { class: "tiles" }), notes: h("div", { class: "notes", id: "number-warnings" }) };
+  #slip = h("span", { id: "slips", role: "status" });
+  #findSlip = button("Find the amplitude that slips in all cycles", () => this.#find(), { class: "vary" });
+  #headline = { more: h("span", { class: "row" }, this.#findSlip, this.#slip), first: h("dl", { class: "headline", id: "headline" }), others: h("dl", { class: "tiles" }), notes: h("div", { class: "notes", id: "number-warnings" }) };
   #texts = Object.fromEntries(["outside", "missing", "ratios"].map((name) => [name, h("p", { class: "muted", id: name })]));
   #state = h("p", { class: "muted", id: "computing", role: "status" });
   #progress = h("progress", { max: 1, "aria-label": "Progress", hidden: true });
@@ -69,6 +72,8 @@ export class Preview {
     const before = this.#result?.profiles?.cycles.length ?? 0;
     // The figures of an evaluation have no simplified rule beside the run, so those of a job have none either.
     this.#result = { ...result, comparison: undefined };
+    this.#findSlip.hidden = typeof result.scenario.motion.amplitude !== "number" || result.unworn?.gross_slip_amplitude == null;
+    this.#slip.textContent = "";
     const outputs = result.profiles?.cycles ?? [0];
     const last = outputs.length - 1;
     if (outputs.length !== before) {
@@ -93,6 +98,25 @@ export class Preview {
     this.#grid.classList.add("rows");
     drawHeadline(this.#headline, rows, history.cycles.length - 1, result.warnings.filter(isAtNumber));
     for (const name of ["depth", "volume"]) drawHistory(this.#figures[name], this.#texts.missing, rows, { history: name, log: "x", at: null });
+  }
+
+  /** Seeks the least amplitude at which the contact slips in all cycles: doubles the threshold of the unworn contact, and bisects. */
+  async #find() {
+    const result = this.#result;
+    const { scenario, unworn } = result;
+    this.#slip.textContent = "Computing…";
+    const slips = async (amplitude) => {
+      const asked = { ...scenario, profiles_at: "none", motion: { ...scenario.motion, amplitude } };
+      const { history } = await post("/v1/evaluate", { scenario: asked, parts: ["history"] }, { signal: this.#signal });
+      return history.stick_radius.every((own) => own <= 0);
+    };
+    let [low, high] = [1, 2].map((factor) => factor * (unworn.actuator_gross_slip_amplitude ?? unworn.gross_slip_amplitude));
+    while (result === this.#result && high - low > 1e-3 * high) {
+      const middle = (low + high) / 2;
+      if (await slips(middle)) high = middle;
+      else low = middle;
+    }
+    if (result === this.#result) this.#slip.textContent = `All ${cycles(scenario.cycles.at(-1))} cycles slip from ${quantity(high, "m", 3)}`;
   }
 
   #showRow(row) {

@@ -10,8 +10,8 @@ async function profilesBeside({ scenario, profiles }, xi, signal) {
   const { points, method } = scenario.model;
   const at = profiles.cycles.filter((own) => own > 0);
   const model = method === "exact" ? { method: "simplified", points, ...(xi && { xi: Number(xi.replace(",", ".")) }) } : { method: "exact", points };
-  const { check, ...found } = await post("/v1/evaluate", { scenario: { ...scenario, cycles: at, profiles_at: at, model }, parts: ["profiles", "check"] }, { signal });
-  return { profiles: found.profiles, name: method === "exact" ? `ξ\u00a0=\u00a0${digits(check.scenario.model.xi, 3)}` : WORDS.exact };
+  const { check, ...found } = await post("/v1/evaluate", { scenario: { ...scenario, cycles: at, profiles_at: at, model }, parts: ["history", "profiles", "check"] }, { signal });
+  return { ...found, name: method === "exact" ? `Simplified rule, ξ\u00a0=\u00a0${digits(check.scenario.model.xi, 3)}` : WORDS.exact };
 }
 
 /** The text of an address for the chosen rows, and the rows of such a text. */
