@@ -66,6 +66,11 @@ export function extent(rows, isMeant = () => true) {
   return low <= high ? [low, high] : null;
 }
 
+/** The value below which a share of ascending values lies. */
+export const percentile = (values, share, at = share * (values.length - 1)) => values[Math.floor(at)] + (at % 1) * (values[Math.ceil(at)] - values[Math.floor(at)]);
+
+export const median = (values) => percentile(values.toSorted((a, b) => a - b), 0.5);
+
 /** At most `count` rows that are evenly spaced. */
 export const spread = (rows, count) => (rows.length <= count ? rows
   : Array.from({ length: count }, (_, i) => rows[Math.round((i * (rows.length - 1)) / (count - 1))]));

@@ -12,19 +12,11 @@ import { Zoom } from "./zoom.js";
 export class Cursors {
   /** Is called with the cycle that is read; null if there is none. */
   onmark = () => {};
-  #figures = new Set();
-
-  add(figure) {
-    this.#figures.add(figure);
-  }
-
-  remove(figure) {
-    this.#figures.delete(figure);
-  }
+  figures = new Set();
 
   /** Moves the cursors of the other figures, and marks the cycle `at` in those with curves of several cycles. `x` is null if the cursor disappears. */
   move(from, x, at = from.isOverCycles ? x : null) {
-    for (const figure of this.#figures) {
+    for (const figure of this.figures) {
       if (figure === from) continue;
       if (figure.across === from.across) figure.cursor(x, false);
       else if (figure.isOverCycles) figure.cursor(at, false);
@@ -68,7 +60,7 @@ export class Figure {
   #place = h("div", { class: "canvas", role: "slider", tabIndex: 0, "aria-valuemin": "0", "aria-valuemax": "0", "aria-valuenow": "0",
     "aria-label": "Figure" }, this.#drawing);
   #values = h("ul", { class: "values" });
-  #plan = null;
+  plan = null;
   #held = null;
   #size = null;
   #resize;
@@ -87,8 +79,11 @@ export class Figure {
       h("figcaption", {}, this.#caption, h("span", { class: "tools" }, this.#zoom.buttons, saveMenu(this))), this.#place, this.#values);
     this.#resize = new ResizeObserver(([{ contentRect }]) => this.#fit(contentRect.width));
     this.#resize.observe(this.#place);
-    group?.add(this);
-    signal?.addEventListener("abort", () => this.destroy());
+    group?.figures.add(this);
+    signal?.addEventListener("abort", () => {
+      this.#resize.disconnect();
+      group?.figures.delete(this);
+    });
   }
 
   get title() {
@@ -97,10 +92,6 @@ export class Figure {
 
   set title(text) {
     this.#caption.textContent = text;
-  }
-
-  get plan() {
-    return this.#plan;
   }
 
   /** The x of the cursor, in SI units; null without one. */
@@ -192,10 +183,10 @@ export class Figure {
   draw() {
     if (!this.axes) return;
     if (!this.#size) this.#fit(this.#place.clientWidth || 480, false);
-    this.#plan = planFigure(this.curves, this.axes, { ...this.#size, zoom: this.zoom, held: this.#held });
-    if (this.#held) this.#held = { x: this.#plan.horizontal.ends, y: this.#plan.vertical.ends };
-    drawFigure(this.#drawing, this.curves, this.axes, this.#plan);
-    for (const [name, value] of Object.entries({ x: this.#plan.area.right - 6, y: this.#plan.area.top + 12 })) this.#marked.setAttribute(name, value);
+    this.plan = planFigure(this.curves, this.axes, { ...this.#size, zoom: this.zoom, held: this.#held });
+    if (this.#held) this.#held = { x: this.plan.horizontal.ends, y: this.plan.vertical.ends };
+    drawFigure(this.#drawing, this.curves, this.axes, this.plan);
+    for (const [name, value] of Object.entries({ x: this.plan.area.right - 6, y: this.plan.area.top + 12 })) this.#marked.setAttribute(name, value);
     this.#marked.textContent = "";
     this.#drawing.append(this.#marked);
     this.#place.setAttribute("aria-label", this.axes.description || `${this.axes.y.title} over ${this.axes.x.title}`);
@@ -205,7 +196,7 @@ export class Figure {
 
   /** While a figure is held, its axes only grow. */
   hold(yes) {
-    if (yes && !this.#held) this.#held = { y: this.#plan?.vertical.ends, x: this.#plan?.horizontal.ends };
+    if (yes && !this.#held) this.#held = { y: this.plan?.vertical.ends, x: this.plan?.horizontal.ends };
     if (!yes && this.#held) {
       this.#held = null;
       this.draw();
@@ -232,10 +223,5 @@ export class Figure {
     if (own === this.#size?.width) return;
     this.#size = { width: own, height: this.height ?? Math.round(Math.min(own > 900 ? 440 : 340, Math.max(230, own * 0.62))) };
     if (redraw) this.draw();
-  }
-
-  destroy() {
-    this.#resize.disconnect();
-    this.group?.remove(this);
   }
 }

@@ -30,7 +30,7 @@ export class Reader {
   #place;
   #values;
   /** The x of the cursor; null without one. */
-  #x = null;
+  x = null;
   /** The visible points, ascending; computed when they are needed. */
   #points = null;
   #line = svg("line", { class: "cursor", hidden: "" });
@@ -42,10 +42,6 @@ export class Reader {
     place.addEventListener("pointerdown", (event) => this.#follow(event));
     place.addEventListener("pointerleave", (event) => event.pointerType === "mouse" && figure.cursor(null));
     place.addEventListener("keydown", (event) => this.#step(event));
-  }
-
-  get x() {
-    return this.#x;
   }
 
   #follow(event) {
@@ -79,7 +75,7 @@ export class Reader {
     if (event.shiftKey || event.ctrlKey || event.altKey || event.metaKey || !this.#figure.plan) return;
     const points = this.#visible();
     const last = points.length - 1;
-    const now = this.#x === null ? -1 : nearest(points, this.#x);
+    const now = this.x === null ? -1 : nearest(points, this.x);
     const page = Math.ceil(points.length / 10);
     const to = { ArrowRight: now + 1, ArrowUp: now + 1, ArrowLeft: now - 1, ArrowDown: now - 1, PageUp: now + page,
       PageDown: now - page, Home: 0, End: last, Escape: null }[event.key];
@@ -93,8 +89,8 @@ export class Reader {
     if (!this.#figure.plan) return;
     const points = x === null ? [] : this.#visible();
     const to = points.length ? points[nearest(points, x)] : null;
-    if (to === this.#x) return;
-    this.#x = to;
+    if (to === this.x) return;
+    this.x = to;
     this.#show();
   }
 
@@ -103,30 +99,30 @@ export class Reader {
     this.#points = null;
     this.#place.querySelector("svg").append(this.#line);
     const { ends: [low, high] } = this.#figure.plan.horizontal;
-    if (this.#x !== null && !(this.#x >= low && this.#x <= high)) this.#x = null;
+    if (this.x !== null && !(this.x >= low && this.x <= high)) this.x = null;
     this.#show();
   }
 
   /** The value of a curve at the cursor, in words. Between its marked points, a curve has none, unless its line has more points. */
   #valueOf({ x, y, points, smooth, errors, band }) {
     const { read } = this.#figure.plan.vertical;
-    if (band) return [band.low, band.high].map((ends) => read(interpolate(x, ends, this.#x))).join(" to ");
-    const at = points ? x.indexOf(this.#x) : -1;
+    if (band) return [band.low, band.high].map((ends) => read(interpolate(x, ends, this.x))).join(" to ");
+    const at = points ? x.indexOf(this.x) : -1;
     if (at >= 0) return `${read(y[at])}${errors?.[at] > 0 ? ` ± ${read(errors[at], 2)}` : ""}`;
-    return read(!points ? interpolate(x, y, this.#x) : smooth ? interpolate(smooth.x, smooth.y, this.#x) : null);
+    return read(!points ? interpolate(x, y, this.x) : smooth ? interpolate(smooth.x, smooth.y, this.x) : null);
   }
 
   #show() {
     const { curves, plan: { horizontal, area, needsLegend } } = this.#figure;
-    const isOn = this.#x !== null;
+    const isOn = this.x !== null;
     this.#line.toggleAttribute("hidden", !isOn);
     if (isOn) {
-      const x = horizontal.at(this.#x).toFixed(1);
+      const x = horizontal.at(this.x).toFixed(1);
       for (const [name, value] of Object.entries({ x1: x, x2: x, y1: area.top, y2: area.bottom })) this.#line.setAttribute(name, value);
     }
     const named = curves.filter(({ name }) => name);
     const rows = named.map((curve) => [curve, isOn ? this.#valueOf(curve) : ""]);
-    const head = isOn ? [horizontal.title, horizontal.read(this.#x)] : ["", HINT];
+    const head = isOn ? [horizontal.title, horizontal.read(this.x)] : ["", HINT];
     const item = (name, value, sample) => h("li", {}, sample, name && h("span", { class: "name" }, name), name && " ", h("span", { class: "value" }, value));
     fill(this.#values, isOn || needsLegend ? rows.map(([curve, value]) => item(curve.name, value, sampleOf(curve))) : null,
       item(...head));
@@ -138,7 +134,7 @@ export class Reader {
   #describe(rows, [name, value], isOn) {
     const points = isOn ? this.#visible() : null;
     if (points) this.#place.setAttribute("aria-valuemax", points.length - 1);
-    this.#place.setAttribute("aria-valuenow", points ? points.indexOf(this.#x) : 0);
+    this.#place.setAttribute("aria-valuenow", points ? points.indexOf(this.x) : 0);
     this.#place.setAttribute("aria-valuetext", isOn
       ? [`${name}: ${value}`, ...rows.map(([curve, own]) => `${curve.name}: ${own}`)].join("; ") : HINT);
   }

@@ -130,7 +130,8 @@ const refitting = ({ fit }, { label, source }, signal) => (text, pointers, more)
 /** What was left out, and what disagrees, with buttons to leave it out or to give it less weight. */
 function doubtful({ fit, outliers = [], table }, refit) {
   const { without = [], loss } = fit;
-  const left = rowsOf(table).filter((_, i) => without.includes(pointersOf(fit)[i]));
+  const [rows, all] = [rowsOf(table), pointersOf(fit)];
+  const left = without.map((pointer) => rows[all.indexOf(pointer)]);
   const these = outliers.length > 1 ? `these ${outliers.length} numbers` : "this number";
   return [left.length > 0 && h("p", { id: "left-out" }, `Left out: ${left.map(numberWords).join("; ")}.`),
     outliers.length > 0 && [h("p", { class: "muted" }, "A result compares measurements with its run as it is, and judges them by their scatter. A fit moves its curve first, and judges them by the errors that you entered. So the two can name different numbers."),

@@ -100,23 +100,22 @@ export class Preview {
     for (const name of ["depth", "volume"]) drawHistory(this.#figures[name], this.#texts.missing, rows, { history: name, log: "x", at: null });
   }
 
-  /** Seeks the least amplitude at which the contact slips in all cycles: doubles the threshold of the unworn contact, and bisects. */
+  /** Seeks the least amplitude at which the contact slips in all cycles, between the threshold of the unworn contact and its double. */
   async #find() {
     const result = this.#result;
     const { scenario, unworn } = result;
     this.#slip.textContent = "Computing…";
-    const slips = async (amplitude) => {
+    let low = unworn.actuator_gross_slip_amplitude ?? unworn.gross_slip_amplitude;
+    const most = 2 * low;
+    let high = most;
+    while (result === this.#result && high - low > 1e-3 * high) {
+      const amplitude = (low + high) / 2;
       const asked = { ...scenario, profiles_at: "none", motion: { ...scenario.motion, amplitude } };
       const { history } = await post("/v1/evaluate", { scenario: asked, parts: ["history"] }, { signal: this.#signal });
-      return history.stick_radius.every((own) => own <= 0);
-    };
-    let [low, high] = [1, 2].map((factor) => factor * (unworn.actuator_gross_slip_amplitude ?? unworn.gross_slip_amplitude));
-    while (result === this.#result && high - low > 1e-3 * high) {
-      const middle = (low + high) / 2;
-      if (await slips(middle)) high = middle;
-      else low = middle;
+      if (history.stick_radius.some((own) => own > 0)) low = amplitude;
+      else high = amplitude;
     }
-    if (result === this.#result) this.#slip.textContent = `All ${cycles(scenario.cycles.at(-1))} cycles slip from ${quantity(high, "m", 3)}`;
+    if (result === this.#result) this.#slip.textContent = `All ${cycles(scenario.cycles.at(-1))} cycles slip ${high < most ? "from" : "only above"} ${quantity(high, "m", 3)}`;
   }
 
   #showRow(row) {

@@ -9,13 +9,10 @@ import { entryOf, kindOf, labelOf, title } from "./summary.js";
 /** Fills a paragraph for a run `{key, scenario}` that was made by editing the run with the key `source`, if there is one. A fit has no scenario here. */
 export async function drawSource(place, { key, scenario }, source, signal) {
   if (!source || source === key) return;
-  let before = null;
-  try {
-    before = await loadResult(source, null, signal);
-  } catch (problem) {
-    if (signal.aborted) return;
-    if (!(problem instanceof Problem)) throw problem;
-  }
+  const before = await loadResult(source, null, signal).catch((problem) => {
+    if (!signal.aborted && !(problem instanceof Problem)) throw problem;
+  });
+  if (signal.aborted) return;
   place.hidden = false;
   if (!before || kindOf(before)) return fill(place, `Derived from a run whose result is not stored: ${source.slice(0, 12)}…`);
   const name = labelOf(await jobsOf(source, signal)) || title(entryOf(before));

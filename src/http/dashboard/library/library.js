@@ -1,7 +1,7 @@
 // All results of the server as a table: search, order, columns, and actions on selected rows.
 
 import { keepState } from "../page/address.js";
-import { capital, debounced, fill, h, notify, select } from "../page/dom.js";
+import { button, capital, debounced, fill, h, select } from "../page/dom.js";
 import { cycles, WORDS } from "../quantities/units.js";
 import { KINDS, SEARCHED } from "../quantities/words.js";
 import { may } from "../access/allowed.js";
@@ -97,17 +97,12 @@ export async function showLibrary(main, { query, signal }) {
   }
 
   /** A button that acts on the selected results, and shows what has changed. */
-  const action = (text, act, reloads) => h("button", { type: "button", onclick: async () => {
-    const entries = [...table.chosen.values()];
-    try {
-      if (!(await act(entries))) return;
-      if (!reloads) return table.redraw();
-      table.clearChoice();
-      await Promise.all([load(), countAll()]);
-    } catch (problem) {
-      notify(problem.detail ?? problem.message);
-    }
-  } }, text);
+  const action = (text, act, reloads) => button(text, async () => {
+    if (!(await act([...table.chosen.values()]))) return;
+    if (!reloads) return table.redraw();
+    table.clearChoice();
+    await Promise.all([load(), countAll()]);
+  });
 
   const columns = h("details", { class: "menu" }, h("summary", {}, "Columns"), h("div", { class: "sheet columns" },
     Object.entries(COLUMNS).filter(([name]) => name !== "name").map(([name, { heading }]) => h("label", {}, h("input", { type: "checkbox",

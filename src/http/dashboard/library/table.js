@@ -28,7 +28,7 @@ export class Table {
 
   constructor({ columns, sort, sorted, changed, failed, signal }) {
     Object.assign(this, { columns, sort, sorted, changed, failed, signal });
-    this.all = h("input", { type: "checkbox", "aria-label": "Select all loaded results", onchange: () => this.#chooseAll(this.all.checked) });
+    this.all = h("input", { type: "checkbox", "aria-label": "Select all loaded results", onchange: () => this.#choose(this.entries, this.all.checked) });
     this.head = h("thead", {});
     this.widths = h("colgroup", {});
     this.empty = h("p", { class: "muted empty", hidden: true });
@@ -196,10 +196,6 @@ export class Table {
       else this.chosen.delete(entry.key);
     }
     this.#mark();
-  }
-
-  #chooseAll(isChosen) {
-    this.#choose(this.entries, isChosen);
   }
 
   /** Shows which rows are selected. */

@@ -1,6 +1,6 @@
 // The dialog that reads a measured file: it shows the first rows, the columns and their units, and lets the user change them.
 
-import { capital, debounced, fill, h, openDialog, select } from "../page/dom.js";
+import { capital, debounced, fill, h, openDialog, select, tableOf } from "../page/dom.js";
 import { takeDropped } from "../page/dropped.js";
 import { readNumber } from "../quantities/typed.js";
 import { digits, quantity, WORDS } from "../quantities/units.js";
@@ -66,7 +66,7 @@ class TableReader {
   #notes = h("ul", { class: "muted read-notes", id: "file-notes" });
   #how = h("details", {}, h("summary", {}, "How the file was read"), this.#notes);
   #found = h("div", { class: "stack", hidden: true });
-  #preview = h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": "First rows" });
+  #preview = h("div", {});
   #fields = h("div", { class: "fields-read" });
   #trace = h("div", { id: "trace-picture" });
   #picture = null;
@@ -161,9 +161,8 @@ class TableReader {
 
   #draw(notes) {
     const { head, rows } = previewOf(this.#columns, ROWS);
-    fill(this.#preview, h("table", { class: "small-table" }, h("thead", {}, h("tr", {}, head.map((name) => h("th", { scope: "col" }, name)))),
-      h("tbody", {}, rows.map((row) => h("tr", {}, row.map((value) => h("td", {}, digits(value, 7))))))),
-    h("p", { class: "muted" }, `${this.#columns[0].values.length} rows, ${this.#columns.length} columns of numbers.`));
+    fill(this.#preview, tableOf("First rows", head, rows.map((row) => h("tr", {}, row.map((value) => h("td", {}, digits(value, 7))))), { class: "small-table" }),
+      h("p", { class: "muted" }, `${this.#columns[0].values.length} rows, ${this.#columns.length} columns of numbers.`));
     this.#showNotes(notes);
     this.#drawFields();
     this.#drawTrace();
@@ -276,9 +275,8 @@ class TableReader {
     const cell = (value, name) => h("td", {}, value == null ? "–" : quantity(value, LOOPS[name][0], 4));
     const row = (title, of) => h("tr", {}, h("th", { scope: "row" }, title), Object.keys(LOOPS).map((name) => cell(of(name), name)));
     const rows = Array.from({ length: Math.min(cycles, CYCLES) }, (_, i) => row(String(i + 1), (name) => loops[name][i]));
-    fill(this.#cycles, h("details", {}, h("summary", {}, `${cycles} ${cycles === 1 ? "cycle" : "cycles"}`), h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": "Cycles" },
-      h("table", { class: "small-table" }, h("thead", {}, h("tr", {}, h("th", { scope: "col" }, "Cycle"), Object.values(LOOPS).map(([, title]) => h("th", { scope: "col" }, title)))),
-        h("tbody", {}, row("Mean", (name) => mean[name]), rows)))));
+    fill(this.#cycles, h("details", {}, h("summary", {}, `${cycles} ${cycles === 1 ? "cycle" : "cycles"}`),
+      tableOf("Cycles", ["Cycle", ...Object.values(LOOPS).map(([, title]) => title)], [row("Mean", (name) => mean[name]), ...rows], { class: "small-table" })));
   }
 
   #submit(event) {

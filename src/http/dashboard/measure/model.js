@@ -2,7 +2,7 @@
 
 import { UNITS } from "../quantities/words.js";
 import { post, Problem } from "../access/api.js";
-import { interpolate } from "../figure/curves.js";
+import { interpolate, median } from "../figure/curves.js";
 
 /** The page evaluates at most this many cycles; beyond, it interpolates. */
 const MOST = 400;
@@ -31,15 +31,13 @@ async function evaluated({ scenario }, cycles, parts, signal) {
   }
 }
 
-const ascending = (values) => [...new Set(values)].sort((a, b) => a - b);
-
 /**
  * What a run predicts at measured cycles, energies and radii: functions of the output or the set, and of the place, which give null where nothing is known.
  * With `link`, values between the output cycles are interpolated.
  */
 export async function modelOf(result, sets, { link, signal }) {
   const scalars = sets.filter(({ kind }) => kind !== "profile").map(pointsOf);
-  const wanted = ascending(scalars.filter(({ over }) => over === "cycles").flatMap(({ x }) => x)).filter((at) => at > 0);
+  const wanted = [...new Set(scalars.filter(({ over }) => over === "cycles").flatMap(({ x }) => x))].filter((at) => at > 0).sort((a, b) => a - b);
   const dense = result.history.smooth ?? result.history;
   const profiles = sets.filter(({ kind }) => kind === "profile");
   const ask = (cycles, parts) => (link ? null : evaluated(result, cycles, parts, signal));
@@ -120,11 +118,6 @@ export function judge(rows, least) {
   const margin = ((STUDENT[count - 2] ?? 1.96 + 2.6 / (count - 1)) * scatter) / Math.sqrt(count);
   const agrees = Math.abs(mean) <= Math.max(margin, least);
   return { ...found, margin, agrees: agrees && margin > POWERLESS ? null : agrees };
-}
-
-function median(values) {
-  const sorted = values.toSorted((a, b) => a - b);
-  return (sorted[(sorted.length - 1) >> 1] + sorted[sorted.length >> 1]) / 2;
 }
 
 /** The largest numerical error of a run, relative. */

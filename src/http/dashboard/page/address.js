@@ -4,9 +4,7 @@
 let drawn;
 
 /** A view is drawn for the present address. */
-export function arrive() {
-  drawn = location.href;
-}
+export const arrive = () => { drawn = location.href; };
 
 /** Writes the state of the view into the address, unless a link has just changed the address and the next view is not yet drawn. */
 export function keepState(hash) {

@@ -1,6 +1,7 @@
 // A scatter plot: a dot for each point of a random sample, and the median in bins.
 
 import { svg } from "../page/dom.js";
+import { median } from "../figure/curves.js";
 import { distinct, endsOf, isGeometric, isWide, planOf, px } from "./plan.js";
 import { inner } from "./words.js";
 
@@ -14,12 +15,8 @@ export function medianInBins(pairs) {
   const sorted = pairs.toSorted((a, b) => a[0] - b[0]);
   const count = Math.min(BINS, Math.floor(sorted.length / BIN));
   if (count < 3) return null;
-  const middle = (values) => {
-    const own = values.toSorted((a, b) => a - b);
-    return (own[(own.length - 1) >> 1] + own[own.length >> 1]) / 2;
-  };
   const bins = Array.from({ length: count }, (_, i) => sorted.slice(Math.round((i * sorted.length) / count), Math.round(((i + 1) * sorted.length) / count)));
-  return { x: bins.map((bin) => middle(bin.map(([x]) => x))), y: bins.map((bin) => middle(bin.map(([, y]) => y))) };
+  return { x: bins.map((bin) => median(bin.map(([x]) => x))), y: bins.map((bin) => median(bin.map(([, y]) => y))) };
 }
 
 /** The dots. Many of them are a few paths, which a browser draws faster; where dots lie closer, the colour is stronger. */
@@ -39,11 +36,11 @@ export const scatter = (view, { over, output, hasBins }) => (size) => {
   const plan = planOf(size, axis(over, xs, isGeometric(distinct(xs))), axis(output, ys, isWide(ys)), { top: 14 });
   const items = rows.map((row) => ({ x: plan.horizontal.at(table[over][row]), y: plan.vertical.at(table[output][row]), row, values: () => valuesOf(row) }));
   const isMany = rows.length > MANY;
-  const median = hasBins ? medianInBins(rows.map((row) => [table[over][row], table[output][row]])) : null;
+  const line = hasBins ? medianInBins(rows.map((row) => [table[over][row], table[output][row]])) : null;
   return {
     plan, items, stride: Math.max(1, Math.round(rows.length / 10)),
-    curves: median ? [{ name: "", ink: 2, label: "none", ...median }] : [],
-    above: median ? [svg("text", { x: plan.area.right, y: plan.area.top, "text-anchor": "end", fill: "var(--ink-2)", "font-size": 12, "font-weight": 600 }, "Line: median in bins")] : [],
+    curves: line ? [{ name: "", ink: 2, label: "none", ...line }] : [],
+    above: line ? [svg("text", { x: plan.area.right, y: plan.area.top, "text-anchor": "end", fill: "var(--ink-2)", "font-size": 12, "font-weight": 600 }, "Line: median in bins")] : [],
     below: dots(items, isMany),
     description: `${title(output)} over ${inner(title(over))}, ${rows.length} points`,
     columns: [[view.head(over, plan.horizontal), xs.map((x) => x * plan.horizontal.factor)], [view.head(output, plan.vertical), ys.map((y) => y * plan.vertical.factor)]],

@@ -4,6 +4,7 @@ import { choice, h, select, tableOf } from "../page/dom.js";
 import { italics } from "../quantities/explain.js";
 import { axisUnit, columnOf, digits, withUnit } from "../quantities/scaling.js";
 import { cycles } from "../quantities/units.js";
+import { percentile } from "../figure/curves.js";
 import { histogram } from "./bars.js";
 import { Chart } from "./chart.js";
 
@@ -25,9 +26,6 @@ function ofOutput(columns, output) {
 
 const SHARES = { minimum: 0, percentile_2_5: 0.025, percentile_5: 0.05, percentile_10: 0.1, percentile_25: 0.25, median: 0.5, percentile_75: 0.75, percentile_90: 0.9, percentile_95: 0.95, percentile_97_5: 0.975, maximum: 1 };
 const MAX_BINS = 50;
-
-/** The value below which a share of sorted values lies. */
-const percentile = (values, share, at = share * (values.length - 1)) => values[Math.floor(at)] + (at % 1) * (values[Math.ceil(at)] - values[Math.floor(at)]);
 
 /** The statistics of the outputs of a view, as the server computes those of a result. Only the server knows intervals of percentiles. */
 export function summarized({ outputs, table }) {
