@@ -8,7 +8,8 @@ import { useLimits } from "../quantities/limits.js";
 import { may } from "../access/allowed.js";
 import { signedIn } from "../access/sign-in.js";
 import { get, Problem, post, submitJob, viewOf } from "../access/api.js";
-import { kindOf, sourceOf, sourceTag } from "../library/summary.js";
+import { jobsOf } from "../library/stored.js";
+import { kindOf, labelOf, sourceOf, sourceTag } from "../library/summary.js";
 import { choose, isPossible, jobBody, newStudy, OFFERS, studyOf, varied } from "../study/vary.js";
 import { measureForRun, showWithRun } from "../measure/measure.js";
 import { announce, drawEstimate, drawStudyEstimate } from "../run/estimate.js";
@@ -211,7 +212,8 @@ export async function showForm(main, { query: asked, signal }) {
     if (isStudy()) live.stop();
     else if (may("submit")) {
       preview.hold(isDragging);
-      live.ask(form.scenario);
+      // The first figures have all radii at once, so that a first visit loads them once.
+      live.ask(form.scenario, valid === null);
     }
     if (may("read")) checkSoon();
   }
@@ -285,7 +287,7 @@ export async function showForm(main, { query: asked, signal }) {
 
   /** An evaluation that takes too long becomes a job as soon as the server has checked the scenario. */
   function refused(problem, isFine) {
-    if (isFine) return;
+    if (isFine && valid) return;
     preview.mark("");
     if (problem.errors) refuse(problem);
     else isLong = true;
@@ -352,9 +354,11 @@ export async function showForm(main, { query: asked, signal }) {
       const job = await submitJob({ ...jobBody(form.scenario, form.study), ...(label() && { label: label() }), private: privately.checked,
         ...(form.source && !isStudy() && { tags: [sourceTag(form.source)] }) });
       await showWithRun(job.key);
+      const before = label() && job.state === "succeeded" && labelOf((await jobsOf(job.key, signal)).slice(1));
       // The user may have opened another view meanwhile.
       if (signal.aborted) return;
       kept.keep(null);
+      if (before && before !== label()) notify(`The same run was saved as “${before}”. The library now shows it as “${label()}”.`);
       location.hash = viewOf(job, draft.isRunning ? "?draft=yes" : "");
     } catch (problem) {
       if (signal.aborted) return;

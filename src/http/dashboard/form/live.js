@@ -47,6 +47,8 @@ function evaluation(scenario, isFine) {
 export class Live {
   #waiting = null;
   #running = null;
+  /** The last body that was asked for and not refused: it is not sent twice. */
+  #asked = null;
 
   constructor(draw, refuse, signal) {
     Object.assign(this, { draw, refuse, signal });
@@ -55,13 +57,17 @@ export class Live {
 
   /** Forgets what waits, and stops what runs. */
   stop() {
-    this.#waiting = null;
+    this.#waiting = this.#asked = null;
     this.#running?.abort.abort();
   }
 
   /** Evaluates a scenario as soon as the evaluation before it has ended. */
   ask(scenario, isFine = false) {
-    this.#waiting = { body: evaluation(scenario, isFine), isFine, scenario: structuredClone(scenario) };
+    const body = evaluation(scenario, isFine);
+    const text = JSON.stringify(body);
+    if (text === this.#asked) return;
+    this.#asked = text;
+    this.#waiting = { body, isFine, scenario: structuredClone(scenario) };
     if (!this.#running) this.#next();
     else if (performance.now() - this.#running.since > STALE_MS) this.#running.abort.abort();
   }
@@ -89,7 +95,10 @@ export class Live {
   /** A busy server is asked again, unless there is a newer value. */
   async #failed(problem, asked) {
     if (!(problem instanceof Problem)) throw problem;
-    if (problem.status !== 503) return this.refuse(problem, asked.isFine);
+    if (problem.status !== 503) {
+      this.#asked = null;
+      return this.refuse(problem, asked.isFine);
+    }
     await new Promise((done) => setTimeout(done, 1000));
     this.#waiting ??= asked;
   }
