@@ -30,7 +30,7 @@ export function drawProfiles(figure, words, runs, name, scale) {
     const { profiles, history } = run.result;
     const row = nearest(profiles.cycles, history.cycles[run.row]);
     const [wide, high] = perOf(run.result, name, scale === "ratio").map(({ per = 1 }) => per);
-    return { ...styleOf(run), high, x: profiles.radius.map((own) => own / wide), y: profiles[name][row].map((own) => own && own / high), label: "apart", at: profiles.cycles[row], wanted: history.cycles[run.row] };
+    return { ...styleOf(run), high, x: profiles.radius.map((own) => own / wide), y: profiles[name][row].map((own) => own && own / high), label: "legend", at: profiles.cycles[row], wanted: history.cycles[run.row] };
   });
   figure.element.hidden = !curves.length;
   const others = curves.filter(({ at, wanted }) => at !== wanted).map(({ letter, at }) => `${letter} has no profile there and is shown at N\u00a0=\u00a0${cycles(at)}.`);
@@ -73,7 +73,7 @@ const loopOf = (run) => {
   const { loops, history } = run.result;
   const row = nearest(loops.cycles, history.cycles[run.row]);
   return branches(loops.displacement[row], loops.tangential_force[row]).slice(0, MAX_BRANCHES).map(({ x, y, direction }, i) => ({ ...styleOf(run),
-    ...(i > 0 && { name: "", whole: undefined }), column: `${run.letter}: ${direction > 0 ? "loading" : "unloading"}${i > 1 ? ` ${i + 1}` : ""}`, x, y, direction, label: "apart" }));
+    ...(i > 0 && { name: "", whole: undefined }), column: `${run.letter}: ${direction > 0 ? "loading" : "unloading"}${i > 1 ? ` ${i + 1}` : ""}`, x, y, direction, label: "legend" }));
 };
 
 /** Draws the loops. */

@@ -66,6 +66,9 @@ export function extent(rows, isMeant = () => true) {
   return low <= high ? [low, high] : null;
 }
 
+/** The index of the value nearest to `x`. */
+export const nearestTo = (values, x) => values.reduce((best, value, i) => (Math.abs(value - x) < Math.abs(values[best] - x) ? i : best), 0);
+
 /** The value below which a share of ascending values lies. */
 export const percentile = (values, share, at = share * (values.length - 1)) => values[Math.floor(at)] + (at % 1) * (values[Math.ceil(at)] - values[Math.floor(at)]);
 

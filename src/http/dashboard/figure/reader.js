@@ -1,7 +1,7 @@
 // Reads values off a figure: with the pointer, or with the arrow keys as a slider over the points.
 
 import { fill, h, svg } from "../page/dom.js";
-import { interpolate } from "./curves.js";
+import { interpolate, nearestTo } from "./curves.js";
 import { markOf } from "./draw.js";
 
 // A line ends between the sentences only: small figures show the first.
@@ -9,17 +9,6 @@ const HINT = ["Point or press ← → to read values.", "Drag or press + − to 
 
 /** The distance in px from which the pointer chooses a curve. */
 const REACH = 24;
-
-/** The index of the value nearest to `x` in ascending values. */
-function nearest(values, x) {
-  let low = 0, high = values.length - 1;
-  while (high - low > 1) {
-    const middle = (low + high) >> 1;
-    if (values[middle] <= x) low = middle;
-    else high = middle;
-  }
-  return Math.abs(values[high] - x) < Math.abs(values[low] - x) ? high : low;
-}
 
 /** The sample of a curve: its line, its band, or its mark. */
 export const sampleOf = ({ ink, dash, mark, band, faint }) => (mark === undefined ? h("span", { class: `sample ink-${ink} ${dash ?? ""} ${band ? `of-band ${faint ? "faint" : ""}` : ""}` })
@@ -75,7 +64,7 @@ export class Reader {
     if (event.shiftKey || event.ctrlKey || event.altKey || event.metaKey || !this.#figure.plan) return;
     const points = this.#visible();
     const last = points.length - 1;
-    const now = this.x === null ? -1 : nearest(points, this.x);
+    const now = this.x === null ? -1 : nearestTo(points, this.x);
     const page = Math.ceil(points.length / 10);
     const to = { ArrowRight: now + 1, ArrowUp: now + 1, ArrowLeft: now - 1, ArrowDown: now - 1, PageUp: now + page,
       PageDown: now - page, Home: 0, End: last, Escape: null }[event.key];
@@ -88,7 +77,7 @@ export class Reader {
   move(x) {
     if (!this.#figure.plan) return;
     const points = x === null ? [] : this.#visible();
-    const to = points.length ? points[nearest(points, x)] : null;
+    const to = points.length ? points[nearestTo(points, x)] : null;
     if (to === this.x) return;
     this.x = to;
     this.#show();

@@ -3,7 +3,7 @@
 import { fill } from "../page/dom.js";
 import { symbolOf, term } from "../quantities/explain.js";
 import { cycles, digits, isLine, percent, quantity, wordOf, WORDS } from "../quantities/units.js";
-import { axisLimit, branches, extent, spread } from "./curves.js";
+import { axisLimit, branches, extent, nearestTo, spread } from "./curves.js";
 
 export const PROFILES = ["worn", "wear", "pressure", "slip", "image"];
 /** Title and columns of each history figure. */
@@ -35,8 +35,7 @@ export const sizeOf = ({ history, limit }, name) => Math.max(...(extent([history
 /** The row of `cycles` nearest to `at`; the last row if `at` is missing. */
 export function nearest(cycles, at) {
   if (at == null || at === "") return cycles.length - 1;
-  const distances = cycles.map((own) => Math.abs(own - Number(at)));
-  return distances.indexOf(Math.min(...distances));
+  return nearestTo(cycles, Number(at));
 }
 
 /** Columns that jump when a block begins. A line would suggest values between two blocks. */

@@ -184,7 +184,7 @@ export async function showFit(main, { key }, { job, link, trust, signal }) {
   };
   const estimated = result.estimated_scenario;
   const form = may("submit") && job.source && setsOfFit(fit) && `#/result/${job.source}?fit=${key}`;
-  const run = estimated && h("a", { class: "button primary", id: "run-this", href: `#/new?${new URLSearchParams({ scenario: JSON.stringify(estimated), label: `${heading}: estimates` })}` }, "Run this");
+  const run = estimated && h("a", { class: "button", id: "run-this", href: `#/new?${new URLSearchParams({ scenario: JSON.stringify(estimated), label: `${heading}: estimates` })}` }, "Run this");
   fill(main, h("div", { class: "head" }, h("div", {}, h("h1", {}, heading),
     h("p", { class: "muted" }, "Fit")),
   h("div", { class: "actions" }, !link && may("submit") && run, drawActions(result, { job, link, form, remember() {}, signal }))), body);

@@ -287,7 +287,7 @@ export const CHOICES = [
   },
   {
     id: "method", group: "Model", label: "Method",
-    options: { exact: "Exact method (default)", simplified: "Simplified rule (paper)" },
+    options: { exact: "Exact method", simplified: "Simplified rule" },
     lacks: (scenario) => (ruleLacks(scenario) ? ["simplified"] : []),
     reason: (scenario) => `The simplified rule is not available. It needs ${ruleLacks(scenario)}.`,
     selected: ({ model = {} }) => model.method ?? "exact",

@@ -95,10 +95,8 @@ export class Live {
   /** A busy server is asked again, unless there is a newer value. */
   async #failed(problem, asked) {
     if (!(problem instanceof Problem)) throw problem;
-    if (problem.status !== 503) {
-      this.#asked = null;
-      return this.refuse(problem, asked.isFine);
-    }
+    this.#asked = null;
+    if (problem.status !== 503) return this.refuse(problem, asked.isFine);
     await new Promise((done) => setTimeout(done, 1000));
     this.#waiting ??= asked;
   }

@@ -6,7 +6,7 @@ import { post } from "../access/api.js";
 import { Cursors, Figure } from "../figure/figure.js";
 import { playButton } from "../figure/player.js";
 import { drawHistory, drawLoop, drawProfile, nearest } from "../figure/run.js";
-import { drawHeadline } from "../run/headline.js";
+import { doubts, drawHeadline } from "../run/headline.js";
 import { Section } from "../run/section.js";
 import { isAtNumber } from "../run/warnings.js";
 
@@ -50,7 +50,7 @@ export class Preview {
       card("volume", "Volume", this.#figures.volume.element), card("loop", "Fretting loop", this.#figures.loop.element, this.#texts.ratios));
     this.element = h("section", { class: "preview", "aria-label": "Result" }, this.#spoken, this.#headline.first, this.#state, this.#progress, this.#headline.notes, this.#stepRow, this.#grid,
       this.#texts.outside, this.#texts.missing,
-      h("details", { class: "card" }, h("summary", {}, "More numbers"), this.#headline.others));
+      h("details", { class: "card" }, h("summary", {}, "More numbers"), this.#headline.others, doubts()));
     document.addEventListener("units", () => this.#result && this.#draw(), { signal });
   }
 

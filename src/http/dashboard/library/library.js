@@ -86,7 +86,7 @@ export async function showLibrary(main, { query, signal }) {
   });
 
   function sort(order) {
-    table.setSort(order);
+    table.set({ sort: order });
     remember();
     return load();
   }
@@ -107,7 +107,7 @@ export async function showLibrary(main, { query, signal }) {
   const columns = h("details", { class: "menu" }, h("summary", {}, "Columns"), h("div", { class: "sheet columns" },
     Object.entries(COLUMNS).filter(([name]) => name !== "name").map(([name, { heading }]) => h("label", {}, h("input", { type: "checkbox",
       checked: table.columns.includes(name), onchange: ({ target }) => {
-        table.setColumns(Object.keys(COLUMNS).filter((own) => (own === name ? target.checked : table.columns.includes(own))));
+        table.set({ columns: Object.keys(COLUMNS).filter((own) => (own === name ? target.checked : table.columns.includes(own))) });
         remember();
       } }), heading))));
 

@@ -72,15 +72,10 @@ export class Table {
     this.table.hidden = !this.empty.hidden;
   }
 
-  /** Shows other columns, or the same in another order. */
-  setColumns(columns) {
-    this.columns = columns;
+  /** Shows other `columns`, or another `sort`. */
+  set(change) {
+    Object.assign(this, change);
     this.redraw();
-  }
-
-  setSort(sort) {
-    this.sort = sort;
-    this.#drawHead();
   }
 
   /** Draws the shown rows again, for example in other units. */

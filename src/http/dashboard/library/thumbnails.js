@@ -66,16 +66,16 @@ const drawPaths = (picture, [unworn, worn]) => picture.replaceChildren(svg("path
 /** Studies of more bytes have no picture: it would take too long. */
 const LARGEST = 1e5;
 
-/** The points of a study: its first output over the first number that varies. */
+/** The points of a study: its first output over the first number that varies, or over the rows; those of a fit are the measured ones. */
 async function pointsOf(key, signal) {
   const { table = {} } = await get(resultAddress(key, "/table?digits=3"), { signal }).catch(() => ({}));
-  const columns = [true, false].map((isMember) => Object.entries(table).find(([name, values]) => name.startsWith("/") === isMember && values.some(Number.isFinite))?.[1]);
-  if (!columns.every(Boolean)) return null;
-  const [x, y] = columns.map((values) => {
+  const [across, up] = [true, false].map((isX) => Object.entries(table).find(([name, values]) => (name.startsWith("/") || name === "x") === isX && values.some(Number.isFinite))?.[1]);
+  if (!up) return null;
+  const [x, y] = [across ?? up.map((_, i) => i), up].map((values) => {
     const [low, high] = extent([values]);
     return values.map((value) => (value == null ? NaN : high > low ? (value - low) / (high - low) : 0.5));
   });
-  return ["", x.map((across, i) => (Number.isNaN(across + y[i]) ? "" : `M${(5 + 86 * across).toFixed(1)},${(43 - 38 * y[i]).toFixed(1)}h0`)).join("")];
+  return ["", x.map((place, i) => (Number.isNaN(place + y[i]) ? "" : `M${(5 + 86 * place).toFixed(1)},${(43 - 38 * y[i]).toFixed(1)}h0`)).join("")];
 }
 
 /** The paths of the unworn and the last worn profile, from 40 points with 3 digits. A result without profiles has none. */

@@ -11,7 +11,7 @@ import { freeName } from "./sets.js";
 import { TracePicture } from "./trace.js";
 import { previewOf, unitsFor, valuesIn, withStated } from "./units.js";
 
-const KINDS = { points: "Points over cycles or energy", trace: "Trace across the scar", half: "Trace from the axis", loop: "Friction loop" };
+const KINDS = { points: "Measured points", trace: "Trace across the scar", half: "Trace from the axis", loop: "Friction loop" };
 /** What the two columns of each kind are, with their SI units. */
 const ROLES = { trace: [["Position", "m"], ["Height", "m"]], half: [["Distance from the axis", "m"], ["Height", "m"]], loop: [["Displacement", "m"], ["Friction force", "N"]] };
 /** Where the heights of a trace point. */

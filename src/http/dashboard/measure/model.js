@@ -2,7 +2,7 @@
 
 import { UNITS } from "../quantities/words.js";
 import { post, Problem } from "../access/api.js";
-import { interpolate, median } from "../figure/curves.js";
+import { interpolate, median, nearestTo } from "../figure/curves.js";
 
 /** The page evaluates at most this many cycles; beyond, it interpolates. */
 const MOST = 400;
@@ -23,12 +23,10 @@ export const unitOf = (set) => (set.kind === "profile" ? "m" : UNITS[pointsOf(se
 /** Evaluates the scenario of a run at some cycles; null if the server does not. */
 async function evaluated({ scenario }, cycles, parts, signal) {
   if (!cycles.length || cycles.length > MOST) return null;
-  try {
-    return await post("/v1/evaluate", { scenario: { ...scenario, cycles, profiles_at: parts.includes("profiles") ? "last" : "none" }, parts }, { signal });
-  } catch (problem) {
+  return post("/v1/evaluate", { scenario: { ...scenario, cycles, profiles_at: parts.includes("profiles") ? "last" : "none" }, parts }, { signal }).catch((problem) => {
     if (problem instanceof Problem) return null;
     throw problem;
-  }
+  });
 }
 
 /**
@@ -60,7 +58,7 @@ export async function modelOf(result, sets, { link, signal }) {
     profile(set) {
       const own = worn[profiles.indexOf(set)]?.profiles ?? result.profiles;
       if (!own) return null;
-      const row = own.cycles.reduce((best, at, i) => (Math.abs(at - set.at) < Math.abs(own.cycles[best] - set.at) ? i : best), 0);
+      const row = nearestTo(own.cycles, set.at);
       return { x: own.radius, y: own.wear[row], at: own.cycles[row] };
     },
   };

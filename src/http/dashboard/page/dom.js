@@ -38,8 +38,7 @@ export const select = (options, value, properties) => h("select", properties,
   Object.entries(options).map(([own, text]) => h("option", { value: own, selected: own === value }, text)));
 
 /** A link to a page of the documentation, in a tab of its own: the form keeps what the user has typed. */
-export const explained = (page, text) => h("p", { class: "muted" },
-  h("a", { href: `/docs/${page}`, target: "_blank" }, text));
+export const explained = (page, text) => h("p", { class: "muted" }, h("a", { href: `/docs/${page}`, target: "_blank" }, text));
 
 /** A drop-down list with its label. */
 export const choice = (label, field) => h("span", { class: "choice" }, h("label", { for: field.id }, label), field);

@@ -47,7 +47,7 @@ export function drawDetails(place, result, submitted, bodyWarnings) {
       "The mismatch shows by how much. To measure the error of the rule, run the exact method and compare it with the rule."),
     drawWarnings(warnings.filter(isElsewhere), { scenario }),
     drawWarnings(bodyWarnings.list.filter(isElsewhere), { scenario }, bodyWarnings.title),
-    explained("accuracy", "How accurate a result is")),
+    explained("accuracy#the-numerical-error", "How accurate a result is")),
     events.length > 0 && card("Events", h("ul", { id: "events" }, events.map((event) =>
       h("li", {}, `${eventWords(event, scales.contact_radius)} at N = ${cycles(Math.round(event.cycles))}`))), explained("results#events", "What the events mean")),
     comparison && drawComparison(comparison),

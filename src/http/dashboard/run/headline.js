@@ -30,6 +30,10 @@ export function modelError({ model }, { model_error: error }) {
   return error == null ? "error of the simplified rule unknown" : `error of the simplified rule about ${percent(error, 2)}`;
 }
 
+/** How wrong the numbers may be, and why, for those who cannot point at them. */
+export const doubts = () => h("details", { id: "doubts-told" }, h("summary", {}, "How wrong may these numbers be, and why?"),
+  [SOLVER, THEORY, AROUND].map((text) => h("p", {}, text)), explained("accuracy#the-numerical-error", "How accurate a result is"));
+
 /** The regime at an output cycle, where the contact may stick less or more than before the test. */
 export function regimeAt({ regime, events, history }, row, at) {
   const [stick, contact] = [history.stick_radius?.[row], history.contact_radius?.[row]];

@@ -15,7 +15,7 @@ import { entryOf, kindOf, sourceOf, subtitle, title } from "../library/summary.j
 import { editLink } from "../study/vary.js";
 import { measuring } from "../measure/measure.js";
 import { drawDetails } from "./details.js";
-import { drawHeadline } from "./headline.js";
+import { doubts, drawHeadline } from "./headline.js";
 import { profileMenu, rowsOfText, textOfRows } from "./profile-menu.js";
 import { Section } from "./section.js";
 import { patience, smooth } from "./smooth.js";
@@ -169,7 +169,7 @@ export async function showResult(main, { id: key, query, signal }) {
     drawActions(result, { job, link, form: editLink({ ...result, ...job, submitted: job.submitted ?? job.typed }), remember, signal })),
     h("section", { class: "card output", "aria-label": "Output cycle" },
       h("div", { class: "row steps" }, h("label", { for: "output" }, "Output cycle"), play, slider, position),
-      headline.first, headline.others, headline.notes),
+      headline.first, headline.others, headline.notes, doubts()),
     h("div", { class: "plots" },
       h("section", { class: "card", "aria-label": "Profiles" },
         h("div", { class: "row" }, choose("plot", "Profile", Object.fromEntries(PROFILES.map((name) => [name, WORDS[name]]))),
