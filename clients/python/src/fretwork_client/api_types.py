@@ -223,6 +223,7 @@ class CheckedRun(TypedDict):
     key: "str"
     links: "CheckedLinks"
     scenario: "dict[str, Any]"
+    time: "CheckedTime"
     warnings: "list[Warning]"
 
 CheckedStudy: TypeAlias = "dict[str, Any]"
@@ -1143,6 +1144,7 @@ class ResultEntry(TypedDict):
     owner: "NotRequired[str | None]"
     pinned: "bool"
     size: "int"
+    submitted_by: "NotRequired[str | None]"
     tags: "list[str]"
     values: "dict[str, float | None]"
 
