@@ -172,9 +172,10 @@ impl Caller {
         Actor { name: self.owner.clone(), key: self.key.clone().unwrap_or_default() }
     }
 
-    /// The owner with this name, or the caller for `me`.
-    pub fn owner_named(&self, name: String) -> String {
-        if name == ME { self.owner.clone() } else { name }
+    /// The owner with this name, or the caller for `me`; `None` if the name is empty.
+    pub fn owner_named(&self, name: &str) -> Option<String> {
+        let owner = if name == ME { &self.owner } else { name };
+        (!owner.is_empty()).then(|| owner.to_owned())
     }
 }
 

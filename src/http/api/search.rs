@@ -9,7 +9,7 @@ use serde_json::{Map, Value, json};
 use utoipa::ToSchema;
 
 use super::library::{Note, unknown};
-use crate::http::access::caller::Caller;
+use crate::http::access::caller::{Caller, ME};
 use crate::http::answer::listed;
 use crate::http::api::parameters::{Conditions, OfList, ResultKey, SearchTable};
 use crate::http::wire::paging::{ListView, next_page};
@@ -208,7 +208,7 @@ fn read_search(query: &mut Query, caller: &Caller) -> Search {
         let text = query.text(name);
         // The store compares names, so `me` becomes the name of the caller.
         let is_name = ["owner", "submitted_by", "pinned_by"].contains(&name);
-        let own = |text: String| if is_name { caller.owner_named(text) } else { text };
+        let own = |text: String| if is_name && text == ME { caller.owner.clone() } else { text };
         if let Some(text) = text.map(own)
             && let Err(fault) = search.set(name, &text)
         {

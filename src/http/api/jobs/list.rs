@@ -107,14 +107,13 @@ fn line(job: Job) -> String {
 /// Reads the filters of jobs from the query.
 pub(super) fn read_filter(query: &mut Query, caller: &Caller) -> Filter {
     let states = JobState::ALL.map(JobState::as_str).join(", ");
-    let key = "a key of 64 lower-case hexadecimal digits";
     Filter {
         state: query.value("state", format_args!("one of {states}"), |text| text.parse().ok()),
         label: query.text("label"),
         tag: query.text("tag"),
         words: read_words(query),
-        key: query.value("key", key, |text| text.parse().ok()),
-        owner: query.text("owner").map(|name| caller.owner_named(name)),
+        key: query.value("key", "a key of 64 lower-case hex digits", |text| text.parse().ok()),
+        owner: query.value("owner", "the name of an owner", |name| caller.owner_named(name)),
         ..Filter::default()
     }
 }
