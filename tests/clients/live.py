@@ -10,7 +10,7 @@ import sys
 
 from playwright.sync_api import expect
 
-from browser import ask, blocks, ended, item, key_of, number, opened
+from browser import ask, blocks, ended, item, key_of, number, opened, value
 
 BASE = sys.argv[1]
 get = functools.partial(ask, BASE)
@@ -319,6 +319,22 @@ def faults(browser):
     page.context.close()
 
 
+def slips_in_all_cycles(page):
+    """The form finds the least amplitude at which the contact slips in all cycles: a little below it, some cycle has a stick zone."""
+    page.get_by_role("button", name="Find the amplitude that slips in all cycles").click()
+    expect(page.locator("#slips")).to_contain_text("cycles slip from", timeout=60_000)
+    found = value(page.locator("#slips").inner_text().split("slip from")[1])
+    for share, sticks in ((0.99, True), (1.01, False)):
+        asked = {**scenario(page), "cycles": {"from": 100, "to": 100_000, "count": 60, "spacing": "log"}, "motion": {"amplitude": found * share}, "profiles_at": "none"}
+        radii = get("/v1/evaluate", {"scenario": asked, "parts": ["history"]})["history"]["stick_radius"]
+        assert any(radius > 0 for radius in radii) == sticks, (found, share)
+    # Another amplitude has another scar, and the same answer must be asked for again.
+    page.fill("#motion-amplitude", "4.1")
+    expect(page.locator("#slips")).to_have_text("")
+    page.fill("#motion-amplitude", "4")
+    settled(page)
+
+
 def errors_and_warnings(browser):
     """The error of a number says what it contains and what changes it. A warning leads to the field that it is about."""
     page = first_page(browser)
@@ -345,6 +361,8 @@ def errors_and_warnings(browser):
         expect(page.locator("#headline [data-value=regime]")).to_have_text(regime)
         now = number(page.locator("#headline [data-value=threshold]").inner_text())
         assert (now > float(amplitude)) == (regime == "Partial slip"), (amplitude, now)
+    expect(page.locator("#headline > :last-child")).to_contain_text("of the scar worn at this amplitude")
+    slips_in_all_cycles(page)
     page.fill("#load-normal_force", "20 kN")
     warning = page.locator("#warning-normal_force")
     expect(warning).to_contain_text("A body with a yield strength below 4.93\u00a0GPa yields")

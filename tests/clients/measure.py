@@ -315,6 +315,37 @@ def fitted(browser, key):
     page.context.close()
 
 
+def leaves_out(browser):
+    """Two wrong numbers are named. One press fits again without them, a tick leaves out a third one, and the fits say which."""
+    cycles = [*CYCLES, 3000, 30_000, 15_000, 40_000]
+    random.seed(38)
+    volumes = [volume * (1 + NOISE * random.gauss(0, 1)) for volume in history(cycles)["wear_volume"]]
+    volumes[6] *= 1.6
+    volumes[7] *= 0.6
+    data = {"output": "wear_volume", "over": "cycles", "x": cycles, "y": volumes, "relative": NOISE}
+    fit = {"scenario": {**SCENARIO, "cycles": CYCLES}, "tests": [{"name": "lab C", "data": [data]}],
+           "parameters": [{"pointer": "/wear/coefficient", "from": 3e-15, "to": 3e-13, "spacing": "log"}]}
+    job = get("/v1/jobs", {"label": "lab C", "fit": fit})
+    wrong = [f"/tests/0/data/0/y/{place}" for place in (6, 7)]
+    assert [own["pointer"] for own in get(f"/v1/results/{job['key']}")["outliers"]] == wrong
+    page = browser.page(BASE)
+    page.goto(f"{BASE}/#/result/{job['key']}?job={job['id']}")
+    assert page.locator("#law strong").get_attribute("class") == ""
+    page.get_by_role("button", name="Leave out these 2 numbers and fit again").click()
+    left = ["wear volume of lab C at N\u00a0=\u00a03\u202f000", "wear volume of lab C at N\u00a0=\u00a030\u202f000"]
+    expect(page.locator("#left-out")).to_have_text(f"Left out: {'; '.join(left)}.")
+    expect(page.locator("h1")).to_have_text("lab C, without 2 numbers")
+    assert get(f"/v1/results/{re.search('[0-9a-f]{64}', page.url)[0]}")["fit"]["without"] == wrong
+    expect(page.locator("#refit")).to_have_count(0)
+    page.locator("#points").evaluate("table => table.closest('details').open = true")
+    expect(page.locator("#points :checked")).to_have_count(2)
+    page.get_by_label("Leave out wear volume of lab C at N\u00a0=\u00a01\u202f000", exact=True).check()
+    page.get_by_role("button", name="Fit without the ticked numbers").click()
+    expect(page.locator("h1")).to_have_text("lab C, without 3 numbers")
+    assert sorted(get(f"/v1/results/{re.search('[0-9a-f]{64}', page.url)[0]}")["fit"]["without"]) == ["/tests/0/data/0/y/0", *wrong]
+    page.context.close()
+
+
 def energy_law(browser):
     """A scenario with an energy wear coefficient: the form estimates it, in its own unit, and the estimate is that of the data."""
     scenario = {**SCENARIO, "wear": {"energy_coefficient": "4e-5 mm^3/J"}}
@@ -488,6 +519,7 @@ with opened() as browser:
     print("other files", flush=True)
     fitted(browser, key)
     print("fit", flush=True)
+    leaves_out(browser)
     energy_law(browser)
     fit = law_fails(browser)
     by_keyboard(browser, key)

@@ -319,6 +319,8 @@ def distribution(page, base):
             shown = value(page.locator(f"[data-statistic={name}]").inner_text())
             assert low < shown < high, (output, name, low, shown, high)
         expect(page.locator("#ninety")).to_contain_text(re.compile("90\u00a0% of the points of the sample lie between .* and .*, and 95\u00a0% between .* and"))
+        below = [page.locator(f"[data-statistic=percentile_{share}]").inner_text() for share in (90, 10)]
+        expect(page.locator("#ninety")).to_contain_text(f"90\u00a0% stay below {below[0]}, and 10\u00a0% below {below[1]}.")
         for share in ("90", "95"):
             expect(page.locator("#certainty")).to_contain_text(f"the lower end of the {share}\u00a0% is known to lie between")
         expect(page.locator("section[aria-label=Distribution] svg")).to_contain_text("97.5\u00a0%")

@@ -133,12 +133,22 @@ def papers(browser, base):
     page.keyboard.press("Escape")
     page.select_option("#choose-scale", "ratio")
     result, rule = ask(base, f"/v1/results/{key}"), ask(base, "/v1/evaluate", {"scenario": {
-        **body["scenario"], "model": {"method": "simplified", "xi": 0.9}}, "parts": ["profiles"]})["profiles"]
+        **body["scenario"], "model": {"method": "simplified", "xi": 0.9}}, "parts": ["profiles", "history"]})
+    # The legend shows the line of the rule, and the figure says its wear beside that of the exact method.
+    expect(profiles.locator(".values li", has_text="Simplified rule, ξ\u00a0=\u00a00.9").locator(".sample.dotted")).to_have_count(1)
+    words = page.locator("#outside").inner_text()
+    for name, pattern in (("wear_volume", "wear volume"), ("wear_depth", "largest wear depth")):
+        shown, change, sense = re.search(f"{pattern} (.*?), ([0-9.]+)\u00a0% (less|more)", words).groups()
+        own = rule["history"][name][-1]
+        assert abs(value(shown) / own - 1) < 5e-3, (words, own)
+        expected = 100 * (own / result["history"][name][-1] - 1)
+        assert abs(float(change) * (-1 if sense == "less" else 1) - expected) < 0.1 + 0.05 * abs(expected), (words, expected)
+    rule = rule["profiles"]
     content = saved(page, "Profiles", "CSV")
     own, scales = result["profiles"], result["scales"]
     for cycles, text in ((1000, "1\u202f000"), (100_000, "100\u202f000")):
         near(column_of(content, f"N = {text} (1)"), [height / scales["indentation_depth"] for height in own["worn"][own["cycles"].index(cycles)]])
-        near(column_of(content, f"N = {text}, ξ = 0.9 (1)"), [height / scales["indentation_depth"] for height in rule["worn"][rule["cycles"].index(cycles)]])
+        near(column_of(content, f"N = {text}, Simplified rule, ξ = 0.9 (1)"), [height / scales["indentation_depth"] for height in rule["worn"][rule["cycles"].index(cycles)]])
     near(column_of(content, "Radius (1)"), [radius / scales["contact_radius"] for radius in own["radius"]])
     # Names and order, which the address keeps.
     menu = profiles.locator("details.save")

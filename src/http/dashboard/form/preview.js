@@ -24,8 +24,8 @@ export class Preview {
   #position = h("output", { for: "output", id: "at" });
   #player = h("span", {});
   #slip = h("span", { id: "slips", role: "status" });
-  #findSlip = button("Find the amplitude that slips in all cycles", () => this.#find(), { class: "vary" });
-  #headline = { more: h("span", { class: "row" }, this.#findSlip, this.#slip), first: h("dl", { class: "headline", id: "headline" }), others: h("dl", { class: "tiles" }), notes: h("div", { class: "notes", id: "number-warnings" }) };
+  #findSlip = button("Find the amplitude that slips in all cycles", () => this.#find(), { class: "vary", hidden: true });
+  #headline = { first: h("dl", { class: "headline", id: "headline" }), others: h("dl", { class: "tiles" }), notes: h("div", { class: "notes", id: "number-warnings" }) };
   #texts = Object.fromEntries(["outside", "missing", "ratios"].map((name) => [name, h("p", { class: "muted", id: name })]));
   #state = h("p", { class: "muted", id: "computing", role: "status" });
   #progress = h("progress", { max: 1, "aria-label": "Progress", hidden: true });
@@ -49,7 +49,7 @@ export class Preview {
       card("section", "Section", this.#section.element), card("depth", "Depth", this.#figures.depth.element),
       card("volume", "Volume", this.#figures.volume.element), card("loop", "Fretting loop", this.#figures.loop.element, this.#texts.ratios));
     this.element = h("section", { class: "preview", "aria-label": "Result" }, this.#spoken, this.#headline.first, this.#state, this.#progress, this.#headline.notes, this.#stepRow, this.#grid,
-      this.#texts.outside, this.#texts.missing,
+      this.#texts.outside, this.#texts.missing, h("div", { class: "row" }, this.#findSlip, this.#slip),
       h("details", { class: "card" }, h("summary", {}, "More numbers"), this.#headline.others, doubts()));
     document.addEventListener("units", () => this.#result && this.#draw(), { signal });
   }

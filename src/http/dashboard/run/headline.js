@@ -45,8 +45,8 @@ export function regimeAt({ regime, events, history }, row, at) {
   return [WORDS[now], `at N\u00a0=\u00a0${cycles(at)}${now === regime ? "" : `, unworn ${WORDS[regime].toLowerCase()}`}`];
 }
 
-/** Draws the numbers at the row of the history into two lists, and the warnings into a third. `more` stands below the regime. */
-export function drawHeadline({ first, others, notes, more }, result, row, allWarnings) {
+/** Draws the numbers at the row of the history into two lists, and the warnings into a third. */
+export function drawHeadline({ first, others, notes }, result, row, allWarnings) {
   const { history, units, scenario, accuracy, unworn } = result;
   const at = history.cycles[row];
   const warnings = allWarnings.filter((own) => !isSmall(own, at));
@@ -78,7 +78,7 @@ export function drawHeadline({ first, others, notes, more }, result, row, allWar
   fill(first, FIRST.map(wear), h("div", {}, h("dt", {}, "Regime"),
     h("dd", {}, h("span", { "data-value": "regime" }, regime), marked("regime")), h("dd", { class: "errors" }, when,
       threshold != null && [" · ", term(limit, scenario, CHANGES), `\u00a0=\u00a0${length(threshold, 3)} unworn`,
-        now != null && [", ", h("span", { "data-value": "threshold" }, length(now, 3)), typeof scenario.motion.amplitude === "number" ? " of the scar worn at this amplitude" : " of the worn scar"]], more)));
+        now != null && [", ", h("span", { "data-value": "threshold" }, length(now, 3)), typeof scenario.motion.amplitude === "number" ? " of the scar worn at this amplitude" : " of the worn scar"]])));
   fill(others, [...OTHERS, ...(hasRig ? ["amplitude", "gross_slip_amplitude"] : [])].map((name) => h("div", {}, h("dt", {}, term(name, scenario)),
     h("dd", {}, h("span", { "data-value": name }, shown(name)), marked(name)))));
   const concerned = [...FIRST, "regime", ...OTHERS].map((name) => [name, warnings.filter((warning) => numberOf(warning) === name)])
