@@ -558,12 +558,14 @@ async fn a_fit_that_workers_compute_in_stages_equals_that_of_one_process() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_study_is_private_and_its_result_is_shared() {
+async fn the_result_of_a_private_study_is_shared() {
     let server = access::server(Limits::default()).await;
     let anna = made(server.place(), "anna", Role::Submit).await;
     let ben = made(server.place(), "ben", Role::Submit).await;
     let eve = made(server.place(), "eve", Role::Read).await;
-    let body = sweep().to_string();
+    let mut body = sweep();
+    body["private"] = json!(true);
+    let body = body.to_string();
     ask(&server, &eve, "POST", "/v1/jobs", &body).await.problem(403, "forbidden");
     let job = ask(&server, &anna, "POST", "/v1/jobs", &body).await.json();
     assert_eq!(job["state"], "succeeded", "{job}");
