@@ -244,7 +244,7 @@ def names(page, base, key):
     assert seen > 8, seen
     page.select_option("#choose-plot", "worn")
     dashes = figure_of(page, "Profiles").locator(".curve").evaluate_all("paths => paths.map(path => path.getAttribute('stroke-dasharray'))")
-    assert dashes[-2:] == [None, "2 3"], dashes
+    assert dashes[-2:] == [None, "9 3 2 3 2 3"], dashes
 
 
 def play(page):

@@ -40,8 +40,8 @@ const name = (entry) => [
 /** All columns. `width` is in rem. `sort` is the name by which the server sorts. */
 export const COLUMNS = {
   picture: { heading: "Profile", width: 7, cell: () => svg("svg", { viewBox: "0 0 96 48", class: "thumbnail", "aria-hidden": "true" }) },
-  name: { heading: "Name", width: 12, cell: name },
-  tags: { heading: "Tags", width: 5, cell: tags },
+  name: { heading: "Name", width: 14, cell: name },
+  tags: { heading: "Tags", width: 6.5, cell: tags },
   note: { heading: "Note", width: 12, cell: note },
   kind: { heading: "Kind", width: 8, cell: (entry) => (isRun(entry) ? "Run" : title(entry)) },
   shape: word("shape"),
@@ -51,21 +51,21 @@ export const COLUMNS = {
   wear_coefficient: number("wear_coefficient", "Wear coefficient", 12.5),
   normal_modulus: number("normal_modulus", "Modulus E*"),
   radius: number("radius", "Radius"),
-  normal_force: number("normal_force", "Normal force", 6.5),
+  normal_force: number("normal_force", "Normal force", 7.5),
   indentation_depth: number("indentation_depth"),
   contact_radius: number("contact_radius"),
   stick_radius: number("stick_radius"),
   amplitude: number("amplitude", "Amplitude at the contact or reference, unworn", 7.5),
   gross_slip_amplitude: number("gross_slip_amplitude", "Gross-slip threshold at the contact or reference, unworn"),
   tangential_force: number("tangential_force"),
-  cycles: { ...number("cycles", "Cycles N", 6), cell: ({ values }) => values.cycles != null && cycles(values.cycles) },
-  wear_volume: number("wear_volume", WORDS.wear_volume, 8.5),
-  wear_depth: number("wear_depth", "Wear depth", 7.5),
+  cycles: { ...number("cycles", "Cycles N", 6.5), cell: ({ values }) => values.cycles != null && cycles(values.cycles) },
+  wear_volume: number("wear_volume", WORDS.wear_volume, 10),
+  wear_depth: number("wear_depth", "Wear depth", 9),
   scar_radius: number("scar_radius"),
   dissipated_energy: number("dissipated_energy"),
   owner: { heading: "Computed by", width: 9, cell: ({ owner }) => owner ?? "" },
   size: { heading: "Size", width: 7, sort: "size", isNumber: true, cell: ({ size }) => `${Math.ceil(size / 1000)}\u00a0kB` },
-  created: { heading: "Computed", width: 13.5, sort: "created", cell: ({ created }) => dateTime(created) },
+  created: { heading: "Computed", width: 14, sort: "created", cell: ({ created }) => dateTime(created) },
 };
 
 /** The columns that are shown first. */
