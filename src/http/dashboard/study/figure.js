@@ -45,7 +45,7 @@ export class StudyFigure {
     this.#view = view;
     this.#calls = { query, remember, open };
     this.#chart = new Chart({ name: view.kind.name, signal, open });
-    const group = { add() {}, remove() {}, move: (_, x) => this.#offer(x) };
+    const group = { figures: new Set(), move: (_, x) => this.#offer(x) };
     this.#figure = new Figure({ name: view.kind.name, group, signal, onzoom: () => this.#keep() });
     this.#figure.zoomText = query.get("zoom");
     const canvas = this.#figure.element.querySelector(".canvas");
