@@ -1,6 +1,6 @@
 //! The command `doctor`: what is wrong with a running server, or soon will be.
 
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 use bytesize::ByteSize;
 use serde_json::Value;
@@ -42,7 +42,10 @@ pub fn doctor(settings: &Remote) -> Result<(), Error> {
         }
     };
     let document: Value = serde_json::from_slice(&ready.body).unwrap_or_default();
-    let detail = document["detail"].as_str().unwrap_or("the server accepts jobs");
+    let detail = match ready.status {
+        200 => "the server accepts jobs",
+        _ => document["detail"].as_str().unwrap_or("the answer is not that of a fretwork server"),
+    };
     find("readiness", ready.status == 200, FAILS, detail.trim_end_matches('.'))?;
     let has_tls = client.base.starts_with("https://");
     let is_hidden = has_tls || is_private(&client.base);
@@ -59,15 +62,18 @@ pub fn doctor(settings: &Remote) -> Result<(), Error> {
         find("proxy", is_secure == has_tls, FAILS, &words)?;
     }
 
+    let asked = Instant::now();
     let reply = client.get("/metrics")?;
     let seconds = |at: SystemTime| at.duration_since(UNIX_EPOCH).unwrap_or_default().as_secs_f64();
     let now = seconds(SystemTime::now());
     let date = httpdate::parse_http_date(reply.header("date")).map_or(f64::NAN, seconds);
-    let apart = (now - 0.5 - date).abs();
+    // The server writes the date while this program waits.
+    let apart = (now - 0.5 * asked.elapsed().as_secs_f64() - 0.5 - date).abs();
     let words = format!("differs from that of the server by {apart:.0} s");
     find("clock", apart < LARGEST_DIFFERENCE, WARNS, &words)?;
     if reply.status != 200 {
-        find("key", false, FAILS, "the server refuses to show its metrics")?;
+        let words = format!("the server answers {} instead of its metrics", reply.status);
+        find("key", false, FAILS, &words)?;
         return Ended::with(FAILS);
     }
     let text = String::from_utf8_lossy(&reply.body);

@@ -239,10 +239,16 @@ const DATED: &str = "fretwork-";
 /// before the oldest backup that stays.
 fn prune(dir: &Path, keep: usize, last: &str) -> io::Result<()> {
     let is_time = |it: char| it.is_ascii_digit() || "-T.".contains(it);
-    let is_end = |rest: &str| rest.trim_start_matches(is_time).starts_with("Z.db");
+    let is_end = |rest: &str| {
+        let end = rest.trim_start_matches(is_time);
+        end == "Z.db" || ["Z.db.part", "Z.db.source"].iter().any(|own| end.starts_with(own))
+    };
     let mut names = Vec::new();
     for entry in fs::read_dir(dir)? {
-        names.extend(entry?.file_name().into_string());
+        let entry = entry?;
+        if entry.file_type()?.is_file() {
+            names.extend(entry.file_name().into_string());
+        }
     }
     names.retain(|name| name.strip_prefix(DATED).is_some_and(is_end));
     names.sort();

@@ -358,7 +358,7 @@ fn the_doctor_finds_keys_versions_and_clocks_that_are_wrong() {
     let (code, said) = examined(&address, &[]);
     assert_eq!(code, Some(2));
     assert!(
-        said.contains("fails  key: the server refuses to show its metrics. Enter a key"),
+        said.contains("fails  key: the server answers 401 instead of its metrics. After 401"),
         "{said}"
     );
     let (code, said) = examined(&address, &["--key", &key]);

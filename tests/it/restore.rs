@@ -110,7 +110,9 @@ async fn a_directory_keeps_the_newest_backups_and_what_is_none() {
     assert!(run(&words, "").status.success());
     let mut made = names(&dir);
     let others = ["fretwork-mine.db", "fretwork-mineZ.db", "notes.txt"];
-    for name in others.iter().chain(&["fretwork-2020-01-01T000000.000Z.db.part"]) {
+    // Compressed by somebody.
+    let compressed = "fretwork-2020-01-01T000000.000Z.db.gz";
+    for name in others.iter().chain(&["fretwork-2020-01-01T000000.000Z.db.part", compressed]) {
         fs::write(dir.join(name), "").unwrap();
     }
     for _ in 1..20 {
@@ -120,7 +122,8 @@ async fn a_directory_keeps_the_newest_backups_and_what_is_none() {
         made.push(Path::new(&file).file_name().unwrap().to_str().unwrap().to_owned());
     }
     assert!(made.is_sorted(), "{made:?}");
-    let kept: Vec<_> = made[6..].iter().map(String::as_str).chain(others).collect();
+    let kept = made[6..].iter().map(String::as_str).chain(others);
+    let kept: Vec<_> = std::iter::once(compressed).chain(kept).collect();
     assert_eq!(names(&dir), kept);
     for (number, name) in made[6..].iter().enumerate() {
         let to = target.path().join(number.to_string());

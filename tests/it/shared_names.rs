@@ -131,18 +131,24 @@ async fn a_private_note_stands_beside_the_note_of_all(on: Engine) {
         assert_eq!(listed.len(), if has_note { results.len() } else { 0 }, "{words} {reader:?}");
         assert!(listed.iter().all(|entry| entry.note.is_some()), "{words}");
     }
-    // With another key, its owner goes on with the private note. A private key deletes no note of others.
+    // With another key, its owner goes on with the private note.
     write(Some("secret gear 2"), annotator("ada")).await;
     assert_eq!(write(None, private("carl")).await, Annotated::Done);
     assert_eq!(
         texts().await,
         [shows("secret gear 2", true), all.clone(), all.clone(), all.clone()]
     );
+    // A private key deletes the note that it reads, and that of somebody else only after reading it.
+    assert!(matches!(write(None, private("carl")).await, Annotated::Unread(Some(_))));
     let before = note(&store, 1, "carl").await.unwrap().tag();
     let read = Annotator { read: Some(vec![before]), ..private("carl") };
     assert_eq!(write(None, read).await, Annotated::Done);
     assert_eq!(write(None, annotator("ada")).await, Annotated::Done);
-    assert_eq!(texts().await, [all.clone(), all.clone(), all.clone(), all]);
+    assert_eq!(texts().await, [const { None }; 4]);
+    // An own note that becomes private is no longer public.
+    write(Some("oil"), annotator("carl")).await;
+    write(Some("secret oil"), private("carl")).await;
+    assert_eq!(texts().await, [None, None, shows("secret oil", true), None]);
 }
 
 /// Shares the earlier names of an owner, or gives its names to another one.

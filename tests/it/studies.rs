@@ -335,7 +335,7 @@ async fn the_refusal_of_a_study_beyond_a_limit_states_its_size() {
     assert!(detail.contains("has 6 points, and the limit of this server is 5"), "{detail}");
     let checked = server.post("/v1/scenarios", &sweep()).await.json();
     assert_eq!(checked["excess"], json!(detail));
-    assert_eq!(checked["time"], json!({"seconds": checked["cost"]["seconds"], "limit": 3600}));
+    assert_eq!(checked["time"], json!({"seconds": checked["cost"]["seconds"], "limit": 3600.0}));
     let checked = server.post("/v1/scenarios", &steel_ball()).await.json();
     assert!(checked["time"]["seconds"].as_f64().unwrap() > 0.0, "{}", checked["time"]);
     assert_eq!(checked["time"]["limit"], Value::Null);

@@ -74,16 +74,16 @@ pub async fn report(app: App, caller: Caller, key: Segment, mut query: Query) ->
 /// What the database knows about a result, as far as the caller may see it.
 async fn about(app: &App, caller: &Caller, key: &Key, job: Option<JobId>) -> Result<About> {
     let reach = caller.reach();
-    let jobs = if let Some(id) = job {
+    let jobs: Vec<Job> = if let Some(id) = job {
         app.store.job(id).await?.into_iter().collect()
     } else {
-        let filter = Filter { key: Some(*key), reach: reach.clone(), ..Filter::default() };
-        app.store.jobs(&filter, None, JOBS).await?.jobs
+        let all = Filter { key: Some(*key), reach: reach.clone(), ..Filter::default() };
+        let own = Filter { owner: Some(reach.owner.clone()), ..all.clone() };
+        let own = app.store.jobs(&own, None, JOBS).await?.jobs;
+        own.into_iter().chain(app.store.jobs(&all, None, JOBS).await?.jobs).collect()
     };
     let seen = |job: &Job| job.key == *key && reach.sees(&job.owner, job.private);
-    let mut jobs: Vec<_> = jobs.into_iter().filter(seen).collect();
-    // The own ones come first.
-    jobs.sort_by_key(|job| !reach.may_change(&job.owner));
+    let jobs: Vec<_> = jobs.into_iter().filter(seen).collect();
     let submitted = match jobs.first().filter(|job| reach.may_change(&job.owner)) {
         Some(job) => app.store.asked(job.id).await?.submitted,
         None => None,

@@ -168,7 +168,7 @@ struct CheckedTime {
     seconds: f64,
     /// The limit of this server for this time, in seconds; null if there is none.
     #[schema(example = 1800)]
-    limit: Option<u64>,
+    limit: Option<f64>,
 }
 
 /// Addresses related to a checked scenario.
@@ -206,7 +206,7 @@ pub(super) async fn checked(app: &App, prepared: Prepared) -> Result<Checked> {
     let excess = limits.refuse(&prepared).map(|excess| excess.to_string());
     let Prepared { key, task, seconds, .. } = prepared;
     let limit = if task.kind() == TaskKind::Run { limits.run } else { limits.study };
-    let time = CheckedTime { seconds, limit: limit.map(|limit| limit.as_secs()) };
+    let time = CheckedTime { seconds, limit: limit.map(|limit| limit.as_secs_f64()) };
     let cached = app.store.has_result(&key).await?;
     let links = CheckedLinks { result: format!("/v1/results/{key}"), submit: "/v1/jobs" };
     Ok(match task {

@@ -231,7 +231,7 @@ CheckedStudy: TypeAlias = "dict[str, Any]"
 class CheckedTime(TypedDict):
     """How long a run or a study takes, and may take."""
 
-    limit: "NotRequired[int | None]"
+    limit: "NotRequired[float | None]"
     seconds: "float"
 
 ChosenInstants: TypeAlias = "list[float]"

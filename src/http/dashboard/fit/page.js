@@ -119,10 +119,10 @@ function pointTable(result, refit) {
 }
 
 /** Gives a button that fits the same data again without the numbers at some pointers; none for who may not. */
-const refitting = ({ fit }, { label, source }, signal) => (text, pointers, more) => may("submit") && button(text, async () => {
+const refitting = ({ fit }, { label, source, private: isPrivate }, signal) => (text, pointers, more) => may("submit") && button(text, async () => {
   const without = pointers();
   const name = [without.length && `without ${without.length} ${without.length > 1 ? "numbers" : "number"}`, more && "Huber"].filter(Boolean).join(", ");
-  const body = { label: [(label || "Fit").replace(/, (without \d|Huber).*/, "").slice(0, 160), name].filter(Boolean).join(", "), tags: source ? [sourceTag(source)] : [], fit: { ...fit, without, ...more } };
+  const body = { label: [(label || "Fit").replace(/, (without \d|Huber).*/, "").slice(0, 160), name].filter(Boolean).join(", "), tags: source ? [sourceTag(source)] : [], ...(isPrivate && { private: true }), fit: { ...fit, without, ...more } };
   const job = await submitJob(body);
   if (!signal.aborted) location.hash = viewOf(job);
 });

@@ -117,7 +117,7 @@ export async function showForm(main, { query: asked, signal }) {
     record("label");
     remember();
   } });
-  const privately = h("input", { id: "privately", type: "checkbox", checked: signedIn()?.private });
+  const privately = h("input", { id: "privately", type: "checkbox", checked: signedIn()?.private || asked.has("private") });
   const keep = h("button", { class: "primary", type: "submit", "aria-keyshortcuts": "Control+Enter", title: "Ctrl+Enter saves the run from every field" }, "Save");
   const undoButton = h("button", { type: "button", id: "undo", title: "Undo the last change (Ctrl+Z)", onclick: () => restore(undo.undo()) }, "Undo");
   const chooseExample = select({ "": "Custom scenario", ...Object.fromEntries(examples.map(({ name, label }) => [name, label ?? name])) },

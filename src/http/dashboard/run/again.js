@@ -6,8 +6,8 @@ import { kindOf } from "../library/summary.js";
 import { editLink } from "../study/vary.js";
 
 /** A button that submits a study. If it was canceled before, it continues from the points that were computed. */
-export const submitStudy = (text, kind, { [kind]: study, label }) => button(text, async () => {
-  location.hash = viewOf(await submitJob({ [kind]: study, ...(label && { label }) }));
+export const submitStudy = (text, kind, { [kind]: study, label, private: isPrivate }) => button(text, async () => {
+  location.hash = viewOf(await submitJob({ [kind]: study, ...(label && { label }), ...(isPrivate && { private: true }) }));
 });
 
 /** The button, if the problem has a scenario or a study. It opens the form, or submits a study that the form cannot show. */

@@ -12,8 +12,8 @@ export function scenarioOf({ scenario, members, table }, row) {
   return own;
 }
 
-/** A function that opens the run of a row. `name` is that of the study. */
-export function opener(view, name, signal) {
+/** A function that opens the run of a row. `name` is that of the study. The run of a private study is private. */
+export function opener(view, name, isPrivate, signal) {
   let isOpening = false;
   return async (row) => {
     if (isOpening) return;
@@ -23,7 +23,7 @@ export function opener(view, name, signal) {
     notify("Opening the run…");
     try {
       const label = [name, pointWords(view(), (pointer) => view().table[pointer][row])].filter(Boolean).join(": ").replaceAll("\u00a0", " ").slice(0, 200);
-      location.hash = viewOf(await submitJob({ scenario: scenarioOf(view(), row), label }, { signal }));
+      location.hash = viewOf(await submitJob({ scenario: scenarioOf(view(), row), label, ...(isPrivate && { private: true }) }, { signal }));
     } catch (problem) {
       if (!signal.aborted) notify(problem.detail ?? problem.message);
     } finally {

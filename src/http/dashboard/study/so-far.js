@@ -12,7 +12,7 @@ import { isSample, MOST, viewOf } from "./view.js";
 export function showRows(place, { kind, study, job, found, signal }) {
   const made = ({ units, table }) => viewOf(kind, { study, units, table: Object.fromEntries(Object.entries(table).map(([name, values]) => [name, values.slice(0, MOST)])) });
   let view = made(found);
-  const open = opener(() => view, nameOf(job), signal);
+  const open = opener(() => view, nameOf(job), job.private, signal);
   const query = new URLSearchParams();
   const figure = new StudyFigure(view, { query, remember() {}, open, signal });
   const table = new StudyTable(view, { open, total: found.counts.computed, signal });

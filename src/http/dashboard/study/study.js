@@ -56,7 +56,7 @@ export async function showStudy(main, result, { job, link, trust, query, tell, s
     result.notes?.length > 0 && h("section", { class: "card", "aria-label": "Notes" }, h("h2", {}, "Notes"),
       h("ul", {}, result.notes.map(({ output, member, detail }) => h("li", {}, h("strong", {}, view.title(member ?? output)), ": ", detail.replace("use more groups", "take more samples").replace("or more groups", "or more samples")))))];
   // The reader of a shared link may not compute.
-  const open = link || !may("submit") ? null : opener(() => view, job.label || kind, signal);
+  const open = link || !may("submit") ? null : opener(() => view, job.label || kind, job.private, signal);
   const figure = new StudyFigure(view, { query, remember, open, signal });
   const table = new StudyTable(view, { open, total: result.counts.points, signal });
   const distribution = h("section", { class: "card plot", "aria-label": "Distribution" }, h("h2", {}, "Distribution of the outputs"));

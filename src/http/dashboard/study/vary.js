@@ -221,8 +221,8 @@ export function studyOf(body, scenario) {
 }
 
 /** Address of the form, filled with what the user submitted or, if that is not kept, with the canonical scenario. `key` is that of a run. */
-const formLink = ({ submitted, scenario, label, key }) => `#/new?${new URLSearchParams({
-  scenario: JSON.stringify(submitted ?? scenario), ...(label && { label }), ...(!submitted && { canonical: "yes" }), ...(key && { from: key }) })}`;
+const formLink = ({ submitted, scenario, label, key, private: isPrivate }) => `#/new?${new URLSearchParams({
+  scenario: JSON.stringify(submitted ?? scenario), ...(label && { label }), ...(isPrivate && { private: "yes" }), ...(!submitted && { canonical: "yes" }), ...(key && { from: key }) })}`;
 
 /** The address of the form with a job, or with a result and its job; undefined if the form cannot show it. */
 export function editLink(job) {
@@ -230,5 +230,5 @@ export function editLink(job) {
   if (!kind) return job.scenario && formLink(job);
   const { scenario, ...study } = job.submitted ?? job[kind];
   return studyOf({ [kind]: study })
-    && `${formLink({ submitted: job.submitted && scenario, scenario, label: job.label })}&${new URLSearchParams({ study: JSON.stringify({ [kind]: study }) })}`;
+    && `${formLink({ submitted: job.submitted && scenario, scenario, label: job.label, private: job.private })}&${new URLSearchParams({ study: JSON.stringify({ [kind]: study }) })}`;
 }

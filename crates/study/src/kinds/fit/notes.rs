@@ -1,6 +1,5 @@
 //! The remarks of a fit: what the data cannot tell, and whether one set of parameters describes them.
 
-use fretwork_engine::QUANTITIES;
 use serde_json::{Value, json};
 
 use super::interval::Side;
@@ -173,14 +172,7 @@ impl Told<'_> {
         let word = |place: &usize| {
             let (set, size) = (self.fit.set(*place), self.studentized[place].abs());
             let (x, test) = (self.fit.x(*place), &self.fit.tests[set.test]);
-            let known = QUANTITIES.iter().find(|it| it.name == set.output);
-            let words = known.map_or_else(|| "wear".to_owned(), |it| it.words.to_lowercase());
-            let place = match set.over {
-                "cycles" => format!("N = {x}"),
-                "radius" => format!("r = {x:e} m"),
-                _ => format!("ΣE = {x} J"),
-            };
-            format!("the {words} of {test} at {place} ({size:.1} standard deviations)")
+            format!("{} of {test} at {x} ({size:.1} standard deviations)", set.output)
         };
         let words = self.outliers.iter().map(word).collect::<Vec<_>>().join("; ");
         let told =
