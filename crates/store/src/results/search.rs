@@ -534,7 +534,7 @@ pub(crate) fn page(search: &Search, cursor: Option<Cursor>, limit: u32) -> State
          JOIN result ON result.key = result_task.key",
     );
     query.join_note(&search.reach.owner).push(" LEFT JOIN job AS named ON named.id = coalesce(");
-    // Whoever sees the names of others sees an own name first.
+    // A caller who sees the names of others sees its own name first.
     let own = Reach { jobs: Seen::Own, ..search.reach.clone() };
     let first = (search.reach.jobs == Seen::Shared).then_some((" AND label IS NOT NULL", &own));
     let others = [(" AND label IS NOT NULL", &search.reach), ("", &search.reach)];
