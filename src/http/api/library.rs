@@ -285,7 +285,7 @@ fn annotated(annotated: Annotated) -> Result<StatusCode> {
         Annotated::Unread(Some(store::Note { owner, .. })) => {
             format!("{owner:?} wrote the present note. Read it, and send its `etag` as If-Match.")
         }
-        Annotated::Unread(None) => "The note was deleted. Send no If-Match.".to_owned(),
+        Annotated::Unread(None) => "There is no note now. Send no If-Match.".to_owned(),
     };
     Err(Problem::new(&kinds::NOTE_CHANGED, detail))
 }
