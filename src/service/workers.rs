@@ -3,11 +3,11 @@
 //! A computation uses a whole processor for seconds, so it must not run on the threads that answer requests.
 //! The threads read and change the tables only through the store.
 
+mod assignment;
 mod compute;
 mod parking;
 
 use std::any::Any;
-use std::cell::Cell;
 use std::collections::VecDeque;
 use std::future;
 use std::io;
@@ -24,17 +24,16 @@ use tokio::sync::{mpsc, watch};
 use tracing::Instrument as _;
 
 use super::WorkLimits;
-use fretwork_job::{Answer, Cost, FailureKind, Key, Work};
-use fretwork_store::{Claimed, Error, Finish, Result, RunId, Store};
+use fretwork_job::{Cost, FailureKind, Key, Work};
+use fretwork_store::{Claimed, Error, Finish, Owners, Result, RunId, Store};
 use fretwork_study::Study;
 
-use parking::{PARKED, Parking};
+use assignment::{Assignment, Made};
+use parking::Parking;
 
 /// A function that prepares the computation of a run from its key and its stored task.
 pub type Compute = Arc<dyn Fn(&Key, &str) -> Result<Box<dyn Work>, String> + Send + Sync>;
 
-/// Minimum time between two updates of the stored progress.
-const REPORT: Duration = Duration::from_millis(250);
 /// An idle worker checks the queue at this interval even without a signal.
 const POLL: Duration = Duration::from_secs(5);
 /// The first and the longest pause between two attempts while the store fails. Each pause is twice as long as the
@@ -67,7 +66,6 @@ enum WorkerOrder {
 /// A running pool. If it is dropped, the threads release their runs and end. The drop does not wait for them.
 pub struct Workers {
     order: watch::Sender<WorkerOrder>,
-    parking: Arc<Parking>,
     threads: Vec<JoinHandle<()>>,
     /// Carries no messages. It is closed when the last thread has ended.
     alive: mpsc::Receiver<()>,
@@ -76,7 +74,7 @@ pub struct Workers {
 }
 
 impl Workers {
-    /// Starts threads, of which `count` compute at the same time. A run that takes longer than its limit fails. Call this
+    /// Starts `count` threads. A run that takes longer than its limit fails. Call this
     /// inside a tokio runtime, on which the store runs.
     ///
     /// # Errors
@@ -93,7 +91,7 @@ impl Workers {
         let (busy, busy_threads) = watch::channel(0);
         let studies = Arc::default();
         let used = store.clone();
-        let parking = Arc::new(Parking::new(count, move |owner| used.usage(owner)));
+        let parking = Arc::new(Parking::new(move |owner| used.usage(owner)));
         let start = |number| {
             let mut worker = Worker {
                 store: store.clone(),
@@ -103,17 +101,14 @@ impl Workers {
                 runtime: Handle::current(),
                 studies: Arc::clone(&studies),
                 parking: Arc::clone(&parking),
-                has_place: Cell::new(false),
-                slice: Cell::new(Instant::now()),
-                parked: Cell::default(),
                 busy: busy.clone(),
                 batch: Mutex::default(),
                 _living: living.clone(),
             };
             thread::Builder::new().name(format!("worker-{number}")).spawn(move || worker.run())
         };
-        let threads = (0..count + PARKED * count.min(1)).map(start).collect::<io::Result<_>>()?;
-        Ok(Self { order, parking, threads, alive, busy: busy_threads })
+        let threads = (0..count).map(start).collect::<io::Result<_>>()?;
+        Ok(Self { order, threads, alive, busy: busy_threads })
     }
 
     /// Waits until no thread has had a run for this time; without a time, forever.
@@ -132,9 +127,9 @@ impl Workers {
     /// Claims no more runs, and waits up to `grace` for the current ones. Then releases them to the queue, and
     /// ends the threads.
     pub async fn drain(mut self, grace: Duration) {
-        self.give(WorkerOrder::Finish);
+        self.order.send_replace(WorkerOrder::Finish);
         if tokio::time::timeout(grace, self.alive.recv()).await.is_err() {
-            self.give(WorkerOrder::Abandon);
+            self.order.send_replace(WorkerOrder::Abandon);
             if tokio::time::timeout(MAX_ABANDON, self.alive.recv()).await.is_err() {
                 tracing::error!("a worker does not stop; its run is recovered at the next start");
                 return;
@@ -146,16 +141,11 @@ impl Workers {
             let _ = thread.join();
         }
     }
-
-    fn give(&self, order: WorkerOrder) {
-        self.order.send_replace(order);
-        self.parking.close();
-    }
 }
 
 impl Drop for Workers {
     fn drop(&mut self) {
-        self.give(WorkerOrder::Abandon);
+        self.order.send_replace(WorkerOrder::Abandon);
     }
 }
 
@@ -171,12 +161,6 @@ struct Worker {
     runtime: Handle,
     studies: Arc<Studies>,
     parking: Arc<Parking>,
-    /// Whether this thread may compute.
-    has_place: Cell<bool>,
-    /// Since when the time of the computation is not yet added to the usage of the owner.
-    slice: Cell<Instant>,
-    /// For how long the current piece was parked.
-    parked: Cell<Duration>,
     busy: watch::Sender<usize>,
     batch: Mutex<Batch>,
     _living: mpsc::Sender<()>,
@@ -185,21 +169,13 @@ struct Worker {
 /// The runs that a thread has claimed together, except the one that it computes.
 #[derive(Default)]
 struct Batch {
-    waiting: VecDeque<Claimed>,
+    waiting: VecDeque<Assignment>,
     made: Vec<(Claimed, Outcome)>,
     /// When the thread must hand over these runs, because it takes too long.
     due: Option<Instant>,
 }
 
-type Outcome = Result<Made, NotMade>;
-
-/// The data that a worker has computed.
-enum Made {
-    /// The result.
-    Answer(Answer, Cost),
-    /// The rows of a chunk.
-    Rows(Vec<u8>, Cost),
-}
+type Outcome = Result<(Made, Cost), NotMade>;
 
 /// The reason why a worker has not finished a computation.
 enum NotMade {
@@ -213,18 +189,10 @@ enum NotMade {
 impl Worker {
     fn run(&mut self) {
         let runtime = self.runtime.clone();
-        while let Some(mut next) = self.parking.take_place() {
-            self.has_place.set(true);
-            if next.is_empty() {
-                self.parking.set_idle(true);
-                let claimed = runtime.block_on(self.claim());
-                self.parking.set_idle(false);
-                next.extend(claimed);
-            }
-            let has_work = usize::from(!next.is_empty());
-            self.busy.send_modify(|count| *count += has_work);
+        while let Some(first) = runtime.block_on(self.next()) {
+            self.busy.send_modify(|count| *count += 1);
             // Batches of short runs without a pause between them.
-            let mut short = 0;
+            let (mut next, mut short) = (vec![first], 0);
             while !next.is_empty() {
                 let (count, began) = (next.len(), Instant::now());
                 let made = self.compute_all(next, began);
@@ -236,33 +204,43 @@ impl Worker {
                 };
                 next = runtime.block_on(self.settle_and_claim(&made, most_claims(short)));
             }
-            self.busy.send_modify(|count| *count -= has_work);
-            if self.has_place.take() {
-                self.parking.give_place();
-            }
+            self.busy.send_modify(|count| *count -= 1);
         }
     }
 
-    /// Computes runs one after the other. Returns the outcomes that are not stored yet.
-    fn compute_all(&self, claims: Vec<Claimed>, began: Instant) -> Vec<(Claimed, Outcome)> {
+    /// Computes pieces one after the other. Returns the outcomes that are not stored yet.
+    fn compute_all(&self, pieces: Vec<Assignment>, began: Instant) -> Vec<(Claimed, Outcome)> {
         let due = Some(began + SHORT);
-        *self.batch.lock() = Batch { waiting: claims.into(), made: Vec::new(), due };
+        *self.batch.lock() = Batch { waiting: pieces.into(), made: Vec::new(), due };
         loop {
             let next = self.batch.lock().waiting.pop_front();
-            let Some(claimed) = next else { return mem::take(&mut self.batch.lock().made) };
-            let outcome = {
-                let _span = span(&claimed).entered();
-                tracing::debug!("started");
-                self.slice.set(Instant::now());
-                self.parked.take();
-                // This is unwind safe: after a panic, nothing that the closure has changed is used.
-                catch_unwind(AssertUnwindSafe(|| self.compute(&claimed))).unwrap_or_else(|panic| {
-                    Err(NotMade::Failed(FailureKind::Panicked, message_of(&*panic)))
-                })
+            let Some(mut piece) = next else { return mem::take(&mut self.batch.lock().made) };
+            let outcome = loop {
+                if let Some(outcome) = self.slice(&mut piece) {
+                    break outcome;
+                }
+                piece = self.parking.next(piece, Instant::now(), |owners| self.claim_of(owners));
             };
-            self.end_slice(&claimed);
-            self.batch.lock().made.push((claimed, outcome));
+            self.batch.lock().made.push((piece.claimed, outcome));
         }
+    }
+
+    /// Computes a piece for a slice. Returns `None` if it is not done.
+    fn slice(&self, piece: &mut Assignment) -> Option<Outcome> {
+        let _span = span(&piece.claimed).entered();
+        let began = Instant::now();
+        // This is unwind safe: after a panic, nothing that the closure has changed is used.
+        let made = catch_unwind(AssertUnwindSafe(|| self.compute(piece))).unwrap_or_else(|panic| {
+            Err(NotMade::Failed(FailureKind::Panicked, message_of(&*panic)))
+        });
+        self.store.computed(&piece.claimed.owner, began.elapsed());
+        made.transpose()
+    }
+
+    /// Claims a piece of these owners. After an error of the store, it claims none.
+    fn claim_of(&self, owners: Owners) -> Option<Claimed> {
+        let claiming = || self.runtime.block_on(self.store.claim_up_to(1, owners)).ok()?.pop();
+        (self.order() == WorkerOrder::Work).then(claiming).flatten()
     }
 
     /// If the batch takes long, stores its finished runs and releases the waiting ones, so that other workers compute
@@ -284,28 +262,28 @@ impl Worker {
         });
     }
 
-    /// Gives runs back. Returns those that the store did not accept.
-    async fn release_all(&self, claims: Vec<Claimed>) -> Vec<Claimed> {
+    /// Gives pieces back. Returns those that the store did not accept.
+    async fn release_all(&self, pieces: Vec<Assignment>) -> Vec<Assignment> {
         let mut kept = Vec::new();
-        for claimed in claims {
-            if self.store_outcome(&claimed, &Err(NotMade::Interrupted)).await.is_err() {
-                kept.push(claimed);
+        for piece in pieces {
+            if self.store_outcome(&piece.claimed, &Err(NotMade::Interrupted)).await.is_err() {
+                kept.push(piece);
             }
         }
         kept
     }
 
     /// Stores outcomes and claims the next runs at the same time. Returns no run if none was claimed.
-    async fn settle_and_claim(&self, made: &[(Claimed, Outcome)], most: usize) -> Vec<Claimed> {
-        if self.order() != WorkerOrder::Work || !self.has_place.get() {
+    async fn settle_and_claim(&self, made: &[(Claimed, Outcome)], most: usize) -> Vec<Assignment> {
+        if self.order() != WorkerOrder::Work {
             self.settle_all(made).await;
             return Vec::new();
         }
-        let owners = self.parking.others(u64::MAX, None);
+        let owners = self.parking.others(u64::MAX);
         let claiming = self.store.claim_up_to(most, owners);
         let (stored, next) = tokio::join!(self.store_all(made), claiming);
-        // After an error, the caller calls `claim`, which tries again and logs errors.
-        let mut next = next.unwrap_or_default();
+        // After an error, the caller calls `next`, which tries again and logs errors.
+        let mut next = next.unwrap_or_default().into_iter().map(Assignment::from).collect();
         if stored.is_err() {
             // Gives the next runs back, because they must not wait until the store accepts these outcomes.
             next = self.release_all(next).await;
@@ -333,7 +311,7 @@ impl Worker {
         let (mut answers, mut others) = (Vec::new(), Vec::new());
         for (claimed, outcome) in made {
             match outcome {
-                Ok(Made::Answer(answer, cost)) => answers.push((claimed, answer, *cost)),
+                Ok((Made::Answer(answer), cost)) => answers.push((claimed, answer, *cost)),
                 _ => others.push((claimed, outcome)),
             }
         }
@@ -353,13 +331,19 @@ impl Worker {
         *self.orders.borrow()
     }
 
-    /// Waits for a run to compute. Returns `None` when the pool must end, or if a piece is parked, which can go on here.
-    async fn claim(&mut self) -> Option<Claimed> {
+    /// Takes a parked piece, or waits for one to claim. Returns `None` when the thread must end.
+    async fn next(&mut self) -> Option<Assignment> {
         let mut queue = self.store.watch_queue();
         let mut pause = PAUSE.0;
-        while self.order() == WorkerOrder::Work && !self.parking.has_parked() {
+        loop {
+            if let Some(piece) = self.parking.take() {
+                return Some(piece);
+            }
+            if self.order() != WorkerOrder::Work {
+                return None;
+            }
             let wait = match self.store.claim().await {
-                Ok(Some(claimed)) => return Some(claimed),
+                Ok(Some(claimed)) => return Some(claimed.into()),
                 Ok(None) | Err(Error::Closed) => {
                     pause = PAUSE.0;
                     POLL
@@ -373,16 +357,15 @@ impl Worker {
             tokio::select! {
                 () = queue.changed() => {}
                 _ = self.orders.changed() => {}
-                () = self.parking.parked() => {}
+                () = self.parking.parked.notified() => {}
                 () = tokio::time::sleep(wait) => {}
             }
         }
-        None
     }
 
     /// Stores the outcome of a run. Tries again as long as the disk is full or the database is busy, because a result
     /// must not be lost. After [`MAX_REFUSALS`] other errors, the run fails, because it would block its thread.
-    async fn settle(&self, claimed: &Claimed, outcome: &Result<Made, NotMade>) {
+    async fn settle(&self, claimed: &Claimed, outcome: &Outcome) {
         let mut pause = PAUSE.0;
         let mut refused = 0;
         while let Err(error) = self.store_outcome(claimed, outcome).await {
@@ -410,17 +393,13 @@ impl Worker {
         }
     }
 
-    async fn store_outcome(
-        &self,
-        claimed: &Claimed,
-        outcome: &Result<Made, NotMade>,
-    ) -> Result<()> {
+    async fn store_outcome(&self, claimed: &Claimed, outcome: &Outcome) -> Result<()> {
         let accepted = match outcome {
-            Ok(Made::Answer(answer, cost)) => {
+            Ok((Made::Answer(answer), cost)) => {
                 tracing::debug!("finished");
                 self.store.finish(claimed, answer, *cost).await? != Finish::Refused
             }
-            Ok(Made::Rows(rows, cost)) => self.store.finish_chunk(claimed, rows, *cost).await?,
+            Ok((Made::Rows(rows), cost)) => self.store.finish_chunk(claimed, rows, *cost).await?,
             Err(NotMade::Failed(kind, message)) => {
                 tracing::error!(%kind, message, "a run failed");
                 self.store.fail(claimed, *kind, message).await?

@@ -2,12 +2,10 @@
 
 use std::sync::Arc;
 use std::thread;
-use std::time::{Duration, Instant};
 
-use parking_lot::MutexGuard;
-
-use super::parking::{LAST, Parkable, SLICE};
-use super::{MAX_REFUSALS, Made, NotMade, PAUSE, REPORT, Worker, WorkerOrder};
+use super::assignment::{Assignment, Begun, Made};
+use super::parking::SLICE;
+use super::{MAX_REFUSALS, NotMade, PAUSE, Worker, WorkerOrder};
 use crate::service::stopwatch::Stopwatch;
 use fretwork_job::{Answer, Cost, FailureKind, Prepared, Step, Task, TaskKind, asked_in};
 use fretwork_store::{Claimed, Error, Piece, Result, RunId};
@@ -18,48 +16,93 @@ use fretwork_study::{Points, Rows, Study};
 const STUDIES: usize = 8;
 
 impl Worker {
-    pub(super) fn compute(&self, claimed: &Claimed) -> Result<Made, NotMade> {
-        match &claimed.piece {
-            Piece::Whole { task } => self.compute_run(claimed, task),
-            Piece::Chunk { number, of } => self.compute_chunk(claimed, *number, *of),
-            Piece::Assembly { of } => self.assemble(claimed, *of),
+    /// Computes a piece for a slice. Returns `None` if it is not done.
+    pub(super) fn compute(&self, piece: &mut Assignment) -> Result<Option<(Made, Cost)>, NotMade> {
+        let watch = Stopwatch::start();
+        let claimed = &piece.claimed;
+        let begun = match (&mut piece.begun, &claimed.piece) {
+            (_, Piece::Assembly { of }) => {
+                let Some(_turn) = self.parking.assembling.try_lock() else {
+                    return self.pause(claimed).map(|()| None);
+                };
+                let answer = self.assemble(claimed, *of)?;
+                return Ok(Some((Made::Answer(answer), watch.cost())));
+            }
+            (Some(begun), _) => begun,
+            (begun, Piece::Whole { task }) => begun.insert(self.begin_run(claimed, task)?),
+            (begun, Piece::Chunk { number, of }) => {
+                begun.insert(self.begin_chunk(claimed, *number, *of)?)
+            }
+        };
+        loop {
+            self.hand_over();
+            self.check(claimed)?;
+            let step = (begun.step)();
+            let cost = begun.cost + watch.cost();
+            let progress = match step {
+                Step::Done(made) => return Ok(Some((made, cost))),
+                Step::Working { progress } => progress,
+            };
+            let spent = claimed.spent + cost;
+            if let Some(limit) = begun.limit
+                && spent.cpu.unwrap_or(spent.wall) > limit
+            {
+                let message = format!(
+                    "the computation took longer than the {} that this server allows",
+                    humantime::format_duration(limit)
+                );
+                return Err(NotMade::Failed(FailureKind::TimeLimit, message));
+            }
+            if watch.elapsed() >= SLICE && self.batch.lock().waiting.is_empty() {
+                begun.cost = cost;
+                match self.runtime.block_on(self.store.progress(claimed, progress)) {
+                    Ok(true) => {}
+                    Ok(false) => return Err(NotMade::Unwanted),
+                    // The computation continues: only the displayed progress is missing.
+                    Err(error) => tracing::debug!(%error, "cannot store the progress of a run"),
+                }
+                return Ok(None);
+            }
         }
     }
 
-    fn compute_run(&self, claimed: &Claimed, task: &str) -> Result<Made, NotMade> {
-        let watch = Stopwatch::start();
+    fn begin_run(&self, claimed: &Claimed, task: &str) -> Result<Begun, NotMade> {
         let mut work = (self.compute)(&claimed.key, task).map_err(unreadable)?;
         let limit = match asked_in(task) {
             Some((TaskKind::Study(_), _)) => self.limits.study,
             _ => self.limits.run,
         };
-        let answer = self.drive(claimed, Some(work.bytes()), limit, || work.step())?;
-        Ok(Made::Answer(answer, self.cost(watch)))
+        let bytes = work.bytes();
+        let step = Box::new(move || match work.step() {
+            Step::Done(answer) => Step::Done(Made::Answer(answer)),
+            Step::Working { progress } => Step::Working { progress },
+        });
+        Ok(Begun { step, bytes, limit, cost: Cost::ZERO })
     }
 
-    fn compute_chunk(&self, claimed: &Claimed, number: u32, of: u32) -> Result<Made, NotMade> {
+    fn begin_chunk(&self, claimed: &Claimed, number: u32, of: u32) -> Result<Begun, NotMade> {
         let study = self.study(claimed)?;
-        let watch = Stopwatch::start();
+        let (bytes, limit) = (study.memory_of_chunk(of as usize), self.limits.study);
         // A study that was canceled has computed its first chunks.
         let known = self.runtime.block_on(self.store.canceled_chunk(claimed, number, of));
-        if let Ok(Some(bytes)) = known
-            && Rows::from_bytes(&bytes).is_some_and(|rows| {
+        if let Ok(Some(rows)) = known
+            && Rows::from_bytes(&rows).is_some_and(|rows| {
                 rows.count == study.points_of(number as usize, of as usize).len()
             })
         {
-            return Ok(Made::Rows(bytes.to_vec(), self.cost(watch)));
+            let step = Box::new(move || Step::Done(Made::Rows(rows.to_vec())));
+            return Ok(Begun { step, bytes, limit, cost: Cost::ZERO });
         }
         let mut earlier = Rows::default();
         for number in 0..study.earlier_chunks(number as usize, of as usize) as u32 {
             earlier.append(&self.stored_rows(claimed, number)?);
         }
-        let bytes = study.memory_of_chunk(of as usize);
         let mut points = Points::chunk(study, number as usize, of as usize, earlier);
-        let rows = self.drive(claimed, Some(bytes), self.limits.study, || match points.step() {
-            Some(rows) => Step::Done(rows),
+        let step = Box::new(move || match points.step() {
+            Some(rows) => Step::Done(Made::Rows(rows.to_bytes())),
             None => Step::Working { progress: points.progress() },
-        })?;
-        Ok(Made::Rows(rows.to_bytes(), self.cost(watch)))
+        });
+        Ok(Begun { step, bytes, limit, cost: Cost::ZERO })
     }
 
     /// The rows of a finished chunk.
@@ -70,23 +113,14 @@ impl Worker {
     }
 
     /// Makes the result of a study from its chunks.
-    fn assemble(&self, claimed: &Claimed, of: u32) -> Result<Made, NotMade> {
-        let _turn = self.turn(claimed)?;
+    fn assemble(&self, claimed: &Claimed, of: u32) -> Result<Answer, NotMade> {
         let study = self.study(claimed)?;
-        self.parked.take();
-        let watch = Stopwatch::start();
-        let (mut all, mut number) = (Rows::default(), 0);
-        let rows = self.drive(claimed, None, None, || {
-            match self.stored_rows(claimed, number) {
-                Ok(rows) => all.append(&rows),
-                Err(why) => return Step::Done(Err(why)),
-            }
-            number += 1;
-            if number == of {
-                return Step::Done(Ok(std::mem::take(&mut all)));
-            }
-            Step::Working { progress: f64::from(number) / f64::from(of) }
-        })??;
+        let mut rows = Rows::default();
+        for number in 0..of {
+            self.hand_over();
+            self.check(claimed)?;
+            rows.append(&self.stored_rows(claimed, number)?);
+        }
         if rows.count != study.points() {
             let message = format!(
                 "the stored parts of the study have {} rows, not {}",
@@ -96,22 +130,9 @@ impl Worker {
             return Err(unreadable(message));
         }
         let goes_on = &mut || self.check(claimed).is_ok();
-        match Answer::of_study_while(claimed.key, &study, &rows, goes_on) {
-            Some(answer) => Ok(Made::Answer(answer, self.cost(watch))),
-            // `check` failed during the computation. It fails again, because a reason to stop never disappears.
-            None => Err(self.check(claimed).err().unwrap_or(NotMade::Interrupted)),
-        }
-    }
-
-    /// Waits until no other worker makes a result from chunks.
-    fn turn(&self, claimed: &Claimed) -> Result<MutexGuard<'_, ()>, NotMade> {
-        loop {
-            if let Some(turn) = self.parking.assembling.try_lock() {
-                return Ok(turn);
-            }
-            self.pause(claimed)?;
-            self.make_way(claimed, (0, true), LAST);
-        }
+        // If `check` fails during the computation, it fails again, because a reason to stop never disappears.
+        let stopped = || self.check(claimed).err().unwrap_or(NotMade::Interrupted);
+        Answer::of_study_while(claimed.key, &study, &rows, goes_on).ok_or_else(stopped)
     }
 
     /// Fails with the reason if the computation must not continue.
@@ -123,69 +144,6 @@ impl Worker {
             return Err(NotMade::Interrupted);
         }
         Ok(())
-    }
-
-    /// At the end of a slice, parks the piece if an owner waits for whom less was computed lately. `bytes` is its
-    /// estimated memory.
-    fn share(&self, claimed: &Claimed, bytes: usize) {
-        if self.slice.get().elapsed() < SLICE {
-            return;
-        }
-        self.end_slice(claimed);
-        if self.batch.lock().waiting.is_empty() && self.parking.is_full() {
-            self.make_way(claimed, (bytes, false), self.store.usage(&claimed.owner));
-        }
-    }
-
-    /// Parks a piece if an owner waits with a usage below `below`.
-    fn make_way(&self, claimed: &Claimed, (bytes, waits): (usize, bool), below: u64) {
-        let piece = Parkable { owner: claimed.owner.clone(), bytes, waits };
-        if !self.park_for_others(claimed, &piece, below) {
-            self.park(claimed, |goes_on| self.parking.swap(&piece, below, goes_on));
-        }
-    }
-
-    /// Claims a piece of an owner with a usage below `below`, and parks this one. Returns whether it did. After an error
-    /// of the store, this piece goes on.
-    fn park_for_others(&self, claimed: &Claimed, piece: &Parkable, below: u64) -> bool {
-        let owners = self.parking.others(below, (!piece.waits).then_some(&piece.owner));
-        let below = owners.below;
-        if !self.parking.may_claim(piece, below, Instant::now()) {
-            return false;
-        }
-        let claims = self.runtime.block_on(self.store.claim_up_to(1, owners)).unwrap_or_default();
-        if claims.is_empty() {
-            self.parking.found_nothing(below, Instant::now());
-            return false;
-        }
-        self.park(claimed, |goes_on| {
-            self.parking.park_for(claims, piece, goes_on).unwrap_or_else(|claims| {
-                let back = claims.into_iter().map(|claimed| (claimed, Err(NotMade::Interrupted)));
-                self.runtime.block_on(self.settle_each(&back.collect::<Vec<_>>()));
-                true
-            })
-        });
-        true
-    }
-
-    /// Parks the piece with this function, which returns whether the thread has a place afterwards.
-    fn park(&self, claimed: &Claimed, parking: impl FnOnce(&dyn Fn() -> bool) -> bool) {
-        let started = Instant::now();
-        self.has_place.set(parking(&|| self.check(claimed).is_ok()));
-        self.parked.set(self.parked.get() + started.elapsed());
-        self.slice.set(Instant::now());
-    }
-
-    /// Adds what was computed since the last call to the usage of the owner.
-    pub(super) fn end_slice(&self, claimed: &Claimed) {
-        let began = self.slice.replace(Instant::now());
-        self.store.computed(&claimed.owner, began.elapsed());
-    }
-
-    /// The cost of a piece, without the time for which it was parked.
-    fn cost(&self, watch: Stopwatch) -> Cost {
-        let Cost { wall, cpu } = watch.cost();
-        Cost { wall: wall.saturating_sub(self.parked.get()), cpu }
     }
 
     /// Waits for a short time, unless the computation must not continue.
@@ -247,50 +205,6 @@ impl Worker {
                 Err(error) => return Err(unreadable(error.to_string())),
             }
             self.pause(claimed)?;
-        }
-    }
-
-    /// Executes the steps of a computation until it is done or must not continue. Reports its progress to the store. A
-    /// computation with `bytes` of estimated memory may be parked.
-    fn drive<T>(
-        &self,
-        claimed: &Claimed,
-        bytes: Option<usize>,
-        limit: Option<Duration>,
-        mut step: impl FnMut() -> Step<T>,
-    ) -> Result<T, NotMade> {
-        let before = claimed.spent.cpu.unwrap_or(claimed.spent.wall);
-        let watch = Stopwatch::start();
-        let mut reported = Instant::now();
-        loop {
-            self.hand_over();
-            if let Some(bytes) = bytes {
-                self.share(claimed, bytes);
-            }
-            self.check(claimed)?;
-            let progress = match step() {
-                Step::Done(found) => return Ok(found),
-                Step::Working { progress } => progress,
-            };
-            let Cost { wall, cpu } = self.cost(watch);
-            if let Some(limit) = limit
-                && before + cpu.unwrap_or(wall) > limit
-            {
-                let message = format!(
-                    "the computation took longer than the {} that this server allows",
-                    humantime::format_duration(limit)
-                );
-                return Err(NotMade::Failed(FailureKind::TimeLimit, message));
-            }
-            if reported.elapsed() >= REPORT {
-                reported = Instant::now();
-                match self.runtime.block_on(self.store.progress(claimed, progress)) {
-                    Ok(true) => {}
-                    Ok(false) => return Err(NotMade::Unwanted),
-                    // The computation continues: only the displayed progress is missing.
-                    Err(error) => tracing::debug!(%error, "cannot store the progress of a run"),
-                }
-            }
         }
     }
 }

@@ -1,374 +1,212 @@
-//! Which pieces compute, and which are parked.
+//! Which piece a thread computes next: the pieces that were begun and make way for others.
 //!
-//! A run, or a piece of a study, can take minutes. After a slice of its work, a worker parks it if an owner waits for
-//! whom less was computed lately. A parked piece stays on its thread, which sleeps. So there are more threads than
-//! places, and only a thread with a place computes.
+//! A run, or a piece of a study, can take minutes. After a slice of its work, a thread parks it if an owner waits for
+//! whom less was computed lately. Any thread may continue a parked piece.
 
-use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use parking_lot::{Condvar, Mutex, MutexGuard};
+use parking_lot::Mutex;
 use tokio::sync::Notify;
 
-use fretwork_store::{Claimed, Owners};
+use super::assignment::Assignment;
+use fretwork_store::{Claimed, Owners, Piece};
 
 #[cfg(test)]
 mod simulation;
 
 /// A piece computes for at least this time before it is parked.
 pub(super) const SLICE: Duration = Duration::from_millis(200);
-/// Maximum number of parked pieces, each on a thread.
-pub(super) const PARKED: usize = 32;
-/// Maximum estimated memory of all parked pieces, in bytes.
+/// While the parked pieces have this estimated memory, in bytes, no thread claims a piece to park its own. Each thread may have
+/// claimed one at the same time, so they may have that much more.
 const PARKED_BYTES: usize = 64 << 20;
-/// A thread with a parked piece checks at this interval whether it must end.
-const CHECK: Duration = Duration::from_millis(100);
-/// The rank of a piece that waits for an assembly to end. Every usage is below.
-pub(super) const LAST: u64 = u64::MAX - 1;
+/// The rank of a piece that waits until another result of a study is made. Every usage is below.
+const LAST: u64 = u64::MAX - 1;
 
-/// The places of a pool, and the threads that wait for one.
+/// The parked pieces of a pool.
 pub(super) struct Parking {
     /// How much was computed for an owner lately.
     usage: Box<dyn Fn(&str) -> u64 + Send + Sync>,
-    state: Mutex<State>,
-    /// Wakes a thread that waits for a place.
-    entering: Condvar,
-    /// Wakes the threads with a parked piece.
-    resuming: Condvar,
-    /// Wakes a thread that has a place and no work, after a piece was parked.
-    parked: Notify,
+    pieces: Mutex<Vec<Assignment>>,
+    /// Wakes a thread without a piece, after a piece was parked.
+    pub(super) parked: Notify,
+    /// When a claim for owners below a usage last found nothing, and this usage.
+    futile: Mutex<Option<(Instant, u64)>>,
     /// Locked while the result of a study is made, because a large one takes much memory.
     pub(super) assembling: Mutex<()>,
 }
 
-#[derive(Default)]
-struct State {
-    free: usize,
-    /// Number of threads with a place and without work.
-    idle: usize,
-    /// Each has a number.
-    parked: Vec<(u64, Parkable)>,
-    /// Claimed pieces that wait for a thread. Each has a place.
-    handed: VecDeque<Vec<Claimed>>,
-    /// When a claim for owners below a usage last found nothing, and this usage.
-    futile: Option<(Instant, u64)>,
-    /// The number of the last parked piece.
-    last: u64,
-    /// Whether the threads end.
-    is_closed: bool,
-}
-
-/// A piece that may be parked.
-#[derive(Clone)]
-pub(super) struct Parkable {
-    pub(super) owner: String,
-    /// Estimated memory.
-    pub(super) bytes: usize,
-    /// Whether it waits until no other result of a study is being made.
-    pub(super) waits: bool,
-}
-
 impl Parking {
-    pub(super) fn new(places: usize, usage: impl Fn(&str) -> u64 + Send + Sync + 'static) -> Self {
+    pub(super) fn new(usage: impl Fn(&str) -> u64 + Send + Sync + 'static) -> Self {
         Self {
             usage: Box::new(usage),
-            state: Mutex::new(State { free: places, ..State::default() }),
-            entering: Condvar::new(),
-            resuming: Condvar::new(),
+            pieces: Mutex::default(),
             parked: Notify::new(),
-            assembling: Mutex::new(()),
+            futile: Mutex::default(),
+            assembling: Mutex::default(),
         }
     }
 
-    /// Waits for a place. Returns the pieces that were claimed for it, which may be none; `None` if the threads end.
-    pub(super) fn take_place(&self) -> Option<Vec<Claimed>> {
-        let mut state = self.state.lock();
-        loop {
-            if let Some(claims) = state.handed.pop_front() {
-                return Some(claims);
-            }
-            if state.is_closed {
-                return None;
-            }
-            if state.free > 0 {
-                state.free -= 1;
-                if !self.resume(&mut state, u64::MAX, |_| true) {
-                    return Some(Vec::new());
-                }
-            }
-            self.entering.wait(&mut state);
+    /// The pieces with less rank come first.
+    fn rank(&self, piece: &Assignment) -> u64 {
+        let is_assembly = matches!(piece.claimed.piece, Piece::Assembly { .. });
+        match (self.usage)(&piece.claimed.owner) {
+            _ if piece.claimed.stop.is_raised() => 0,
+            _ if is_assembly && self.assembling.is_locked() => LAST,
+            used => used,
         }
     }
 
-    /// Gives the place to the parked piece with the least usage, or frees it. The thread then takes a place again, so no
-    /// other one must be woken for a free place.
-    pub(super) fn give_place(&self) {
-        let mut state = self.state.lock();
-        if !self.resume(&mut state, u64::MAX, |_| true) {
-            state.free += 1;
-        }
-    }
-
-    /// Tells all threads to look at their orders: they claim no more pieces.
-    pub(super) fn close(&self) {
-        self.state.lock().is_closed = true;
-        self.entering.notify_all();
-        self.resuming.notify_all();
-    }
-
-    /// Says whether a thread with a place has no work.
-    pub(super) fn set_idle(&self, is_idle: bool) {
-        let mut state = self.state.lock();
-        state.idle = if is_idle { state.idle + 1 } else { state.idle - 1 };
-    }
-
-    /// Whether a piece is parked.
-    pub(super) fn has_parked(&self) -> bool {
-        !self.state.lock().parked.is_empty()
-    }
-
-    /// Waits until a piece is parked.
-    pub(super) async fn parked(&self) {
-        let parked = self.parked.notified();
-        if !self.has_parked() {
-            parked.await;
-        }
-    }
-
-    /// Whether each place has work.
-    pub(super) fn is_full(&self) -> bool {
-        let state = self.state.lock();
-        state.free == 0 && state.idle == 0
-    }
-
-    /// The owners for whom less was computed than for those of all parked pieces, and less than `below`. They have no
-    /// parked piece, and are not `but`.
-    pub(super) fn others(&self, below: u64, but: Option<&str>) -> Owners {
-        let state = self.state.lock();
-        let ready = state.parked.iter().map(|(_, piece)| (self.rank(piece), &piece.owner));
+    /// The owners for whom less was computed than for those of all parked pieces, and less than `below`.
+    pub(super) fn others(&self, below: u64) -> Owners {
+        let pieces = self.pieces.lock();
+        let ready = pieces.iter().map(|piece| (self.rank(piece), &piece.claimed.owner));
         let (ranks, owners): (Vec<_>, Vec<_>) = ready.filter(|(rank, _)| *rank < LAST).unzip();
-        let except = owners.into_iter().cloned().chain(but.map(str::to_owned)).collect();
-        Owners { below: ranks.into_iter().fold(below, u64::min), except }
+        Owners {
+            below: ranks.into_iter().fold(below, u64::min),
+            except: owners.into_iter().cloned().collect(),
+        }
     }
 
-    /// Whether a claim for owners below this usage may find something, and this piece may be parked for it. After a futile
-    /// claim, no thread tries the same for a slice.
-    pub(super) fn may_claim(&self, piece: &Parkable, below: u64, now: Instant) -> bool {
-        let state = self.state.lock();
+    /// Takes the parked piece with the least rank.
+    pub(super) fn take(&self) -> Option<Assignment> {
+        let mut pieces = self.pieces.lock();
+        let (_, place) = self.least(&pieces)?;
+        Some(pieces.swap_remove(place))
+    }
+
+    fn least(&self, pieces: &[Assignment]) -> Option<(u64, usize)> {
+        pieces.iter().enumerate().map(|(place, piece)| (self.rank(piece), place)).min()
+    }
+
+    /// Called at the end of a slice of this piece. Returns the piece that comes next: one that is claimed for an owner for whom
+    /// less was computed, or a parked one with less rank, or the same one. After a futile claim, no thread tries the same for a
+    /// slice.
+    pub(super) fn next(
+        &self,
+        piece: Assignment,
+        now: Instant,
+        claim: impl FnOnce(Owners) -> Option<Claimed>,
+    ) -> Assignment {
+        let rank = self.rank(&piece);
+        let mut owners = self.others(rank);
+        owners.except.extend((rank < LAST).then(|| piece.claimed.owner.clone()));
+        let below = owners.below;
         let is_new = |(at, tried): (Instant, u64)| below > tried || now - at >= SLICE;
-        state.has_room(piece) && state.futile.is_none_or(is_new)
-    }
-
-    /// Notes that a claim for owners below this usage has found nothing.
-    pub(super) fn found_nothing(&self, below: u64, now: Instant) {
-        self.state.lock().futile = Some((now, below));
-    }
-
-    /// Parks a piece, and gives its place to claimed pieces. Returns whether the piece has a place again; it has none if
-    /// `goes_on` has become false.
-    ///
-    /// # Errors
-    /// The claimed pieces, if there is no room, or if the threads end, because then none might take them.
-    pub(super) fn park_for(
-        &self,
-        claims: Vec<Claimed>,
-        piece: &Parkable,
-        goes_on: impl Fn() -> bool,
-    ) -> Result<bool, Vec<Claimed>> {
-        let mut state = self.state.lock();
-        if !state.has_room(piece) {
-            return Err(claims);
-        }
-        state.handed.push_back(claims);
-        self.entering.notify_one();
-        Ok(self.wait(state, piece, goes_on))
-    }
-
-    /// Parks a piece, and gives its place to the parked piece of another owner with the least usage. Does nothing if this
-    /// is not below `below`, or if the parked pieces would have too many bytes. Returns as [`park_for`](Self::park_for).
-    pub(super) fn swap(&self, piece: &Parkable, below: u64, goes_on: impl Fn() -> bool) -> bool {
-        let mut state = self.state.lock();
-        !self.resume_for(&mut state, piece, below) || self.wait(state, piece, goes_on)
-    }
-
-    /// Resumes a parked piece of another owner than this one, if this one has room then.
-    fn resume_for(&self, state: &mut State, piece: &Parkable, below: u64) -> bool {
-        let excess = state.bytes_with(piece).saturating_sub(PARKED_BYTES);
-        self.resume(state, below, |other| {
-            other.bytes >= excess && (piece.waits || other.owner != piece.owner)
-        })
-    }
-
-    fn wait(
-        &self,
-        mut state: MutexGuard<'_, State>,
-        piece: &Parkable,
-        goes_on: impl Fn() -> bool,
-    ) -> bool {
-        let number = state.park(piece);
-        self.parked.notify_waiters();
-        loop {
-            self.resuming.wait_for(&mut state, CHECK);
-            let place = state.parked.iter().position(|(other, _)| *other == number);
-            if place.is_none() || !goes_on() {
-                place.map(|place| state.parked.remove(place));
-                return place.is_none();
+        if self.has_room(&piece) && self.futile.lock().is_none_or(is_new) {
+            if let Some(claimed) = claim(owners) {
+                self.pieces.lock().push(piece);
+                self.parked.notify_one();
+                return claimed.into();
             }
+            *self.futile.lock() = Some((now, below));
+        }
+        let mut pieces = self.pieces.lock();
+        match self.least(&pieces) {
+            Some((least, place)) if least < rank => std::mem::replace(&mut pieces[place], piece),
+            _ => piece,
         }
     }
 
-    /// The usage of the owner of a piece; [`LAST`] while the piece waits.
-    fn rank(&self, piece: &Parkable) -> u64 {
-        if piece.waits && self.assembling.is_locked() { LAST } else { (self.usage)(&piece.owner) }
-    }
-
-    /// Removes the parked piece with the least rank among those that `may` from the list, if it is below `below`. Its
-    /// thread has the place then.
-    fn resume(&self, state: &mut State, below: u64, may: impl Fn(&Parkable) -> bool) -> bool {
-        let parked = state.parked.iter().enumerate().filter(|(_, (_, piece))| may(piece));
-        let next = parked.map(|(place, (_, piece))| (self.rank(piece), place)).min();
-        let Some((_, place)) = next.filter(|(rank, _)| *rank < below) else { return false };
-        state.parked.remove(place);
-        self.resuming.notify_all();
-        true
-    }
-}
-
-impl State {
-    fn bytes_with(&self, piece: &Parkable) -> usize {
-        piece.bytes + self.parked.iter().map(|(_, other)| other.bytes).sum::<usize>()
-    }
-
-    /// Whether one more piece may be parked.
-    fn has_room(&self, piece: &Parkable) -> bool {
-        !self.is_closed && self.parked.len() < PARKED && self.bytes_with(piece) <= PARKED_BYTES
-    }
-
-    /// Adds a piece to the list. Returns its number.
-    fn park(&mut self, piece: &Parkable) -> u64 {
-        self.last += 1;
-        self.parked.push((self.last, piece.clone()));
-        self.last
+    fn has_room(&self, piece: &Assignment) -> bool {
+        let parked: usize = self.pieces.lock().iter().map(Assignment::bytes).sum();
+        parked + piece.bytes() <= PARKED_BYTES
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use std::sync::atomic::{AtomicBool, Ordering};
-    use std::thread;
-
+    use super::super::assignment::Begun;
     use super::*;
+    use fretwork_job::{Cost, Key};
+    use fretwork_store::{RunId, Stop};
 
-    fn piece(owner: &str) -> Parkable {
-        Parkable { owner: owner.to_owned(), bytes: PARKED_BYTES / 4, waits: false }
+    pub(super) fn claimed(run: i64, owner: &str, is_assembly: bool) -> Claimed {
+        Claimed {
+            run: RunId(run),
+            owner: owner.to_owned(),
+            attempt: 1,
+            lost: 0,
+            key: Key::from_bytes([0; 32]),
+            piece: if is_assembly {
+                Piece::Assembly { of: 1 }
+            } else {
+                Piece::Whole { task: String::new() }
+            },
+            spent: Cost::ZERO,
+            trace: None,
+            stop: Stop::default(),
+        }
     }
 
     /// The usage of an owner is the length of the name.
-    fn usage(owner: &str) -> u64 {
-        owner.len() as u64
+    fn parking(parked: &[(&str, bool)]) -> Parking {
+        let parking = Parking::new(|owner| owner.len() as u64);
+        let pieces = parked.iter().map(|(owner, is_assembly)| claimed(0, owner, *is_assembly));
+        parking.pieces.lock().extend(pieces.map(Assignment::from));
+        parking
     }
 
-    /// Calls `then` when these owners have a parked piece. Returns whether each piece has a place when all have ended.
-    fn parked<const N: usize>(
-        parking: &Parking,
-        owners: [(&str, bool); N],
-        then: impl FnOnce(&(dyn Fn() -> bool + Sync)),
-    ) -> [bool; N] {
-        let stop = AtomicBool::new(false);
-        let goes_on = || !stop.load(Ordering::SeqCst);
-        thread::scope(|scope| {
-            let threads = owners.map(|(owner, waits)| {
-                let piece = Parkable { owner: owner.to_owned(), bytes: 0, waits };
-                let parked = parking.state.lock().parked.len();
-                let thread =
-                    scope.spawn(move || parking.park_for(Vec::new(), &piece, goes_on).unwrap());
-                while parking.state.lock().parked.len() == parked {
-                    thread::yield_now();
-                }
-                thread
-            });
-            then(&goes_on);
-            stop.store(true, Ordering::SeqCst);
-            threads.map(|thread| thread.join().unwrap())
-        })
-    }
-
-    #[test]
-    fn the_piece_of_the_owner_with_the_least_usage_resumes_first() {
-        let parking = Parking::new(0, usage);
-        let places = parked(&parking, [("long", false), ("a", false), ("bob", false)], |_| {
-            parking.give_place();
+    /// The owner of the piece that comes after one of this owner, and the owners for whom it would have been claimed.
+    fn next(parking: &Parking, owner: &str) -> (String, Option<Owners>) {
+        let mut asked = None;
+        let piece = Assignment { begun: None, claimed: claimed(0, owner, false) };
+        let next = parking.next(piece, Instant::now(), |owners| {
+            asked = Some(owners);
+            None
         });
-        assert_eq!(places, [false, true, false]);
-        assert_eq!(parking.state.lock().free, 0);
+        (next.claimed.owner, asked)
     }
 
     #[test]
-    fn a_piece_that_waits_for_an_assembly_is_last_until_the_assembly_ends() {
-        let parking = Parking::new(0, usage);
-        let places = parked(&parking, [("a", true), ("bob", false), ("ada", true)], |_| {
-            let assembly = parking.assembling.lock();
-            assert_eq!(parking.others(9, None).below, 3, "of bob");
-            parking.give_place();
-            drop(assembly);
-            let others = parking.others(9, Some("eve"));
-            assert_eq!(
-                (others.below, others.except),
-                (1, vec!["a".into(), "ada".into(), "eve".into()])
-            );
-            parking.give_place();
+    fn the_piece_of_the_owner_with_the_least_usage_comes_first() {
+        let parking = parking(&[("long", false), ("a", false), ("bob", false)]);
+        let owners = std::iter::from_fn(|| parking.take()).map(|piece| piece.claimed.owner);
+        assert_eq!(owners.collect::<Vec<_>>(), ["a", "bob", "long"]);
+    }
+
+    #[test]
+    fn a_piece_makes_way_only_for_less_usage() {
+        let parking = parking(&[("bob", false)]);
+        assert_eq!(next(&parking, "ada").0, "ada");
+        let (owner, asked) = next(&parking, "long");
+        assert_eq!(owner, "bob", "it is exchanged for a parked one");
+        assert!(asked.is_none(), "the claim for ada was for the same owners, and futile");
+        let (owner, asked) = next(&parking, "a");
+        assert_eq!((owner, parking.pieces.lock().len()), ("a".into(), 1));
+        assert!(asked.is_none(), "nobody has less");
+    }
+
+    #[test]
+    fn a_claim_is_for_owners_with_less_usage_and_no_piece() {
+        let parking = parking(&[("bob", false)]);
+        let piece = Assignment { begun: None, claimed: claimed(0, "long", false) };
+        let next = parking.next(piece, Instant::now(), |owners| {
+            assert_eq!((owners.below, owners.except), (3, vec!["bob".into(), "long".into()]));
+            Some(claimed(1, "eve", false))
         });
-        assert_eq!(places, [true, true, false]);
+        assert_eq!((next.claimed.owner, parking.pieces.lock().len()), ("eve".into(), 2));
     }
 
     #[test]
-    fn a_swap_needs_a_piece_of_an_owner_with_less_usage() {
-        let parking = Parking::new(0, usage);
-        let places = parked(&parking, [("bob", false)], |goes_on| {
-            assert!(parking.swap(&piece("ada"), 3, goes_on), "ada goes on");
-            assert!(!parking.swap(&piece("long"), 4, || false), "bob goes on");
-        });
-        assert_eq!(places, [true]);
+    fn an_assembly_is_last_until_another_one_ends() {
+        let parking = parking(&[("a", true), ("bob", false), ("ada", true)]);
+        let assembly = parking.assembling.lock();
+        assert_eq!(parking.others(9).below, 3, "of bob");
+        assert_eq!(parking.take().unwrap().claimed.owner, "bob");
+        drop(assembly);
+        let others = parking.others(9);
+        assert_eq!((others.below, others.except), (1, vec!["a".into(), "ada".into()]));
+        assert_eq!(parking.take().unwrap().claimed.owner, "a");
     }
 
     #[test]
-    fn a_free_place_resumes_a_parked_piece() {
-        let parking = Parking::new(0, usage);
-        let places = parked(&parking, [("bob", false)], |_| {
-            parking.state.lock().free = 1;
-            parking.state.lock().handed.clear();
-            // The second place is free after the parked piece has the first one.
-            thread::scope(|scope| {
-                let entered = scope.spawn(|| parking.take_place());
-                while parking.has_parked() {
-                    thread::yield_now();
-                }
-                parking.give_place();
-                parking.entering.notify_all();
-                assert_eq!(entered.join().unwrap().map(|claims| claims.len()), Some(0));
-            });
-        });
-        assert_eq!(places, [true]);
-    }
-
-    #[test]
-    fn parked_pieces_have_limited_bytes_and_are_limited_in_number() {
-        let fill = |piece: &Parkable| {
-            let parking = Parking::new(0, usage);
-            let mut state = parking.state.lock();
-            while state.has_room(piece) {
-                state.park(piece);
-            }
-            state.parked.len()
-        };
-        assert_eq!(fill(&piece("ada")), 4);
-        assert_eq!(fill(&Parkable { bytes: 0, ..piece("ada") }), PARKED);
-    }
-
-    #[test]
-    fn claims_come_back_if_the_threads_end() {
-        let parking = Parking::new(0, usage);
-        parking.close();
-        assert!(parking.park_for(Vec::new(), &piece("ada"), || true).is_err());
+    fn parked_pieces_have_limited_memory() {
+        let parking = parking(&[]);
+        let large = || Some(Begun::endless(PARKED_BYTES / 4));
+        for count in 0..5 {
+            let piece = Assignment { begun: large(), claimed: claimed(0, "long", false) };
+            let next = parking.next(piece, Instant::now(), |_| Some(claimed(1, "a", false)));
+            assert_eq!(next.claimed.owner, if count < 4 { "a" } else { "long" });
+        }
     }
 }

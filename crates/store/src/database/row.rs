@@ -15,7 +15,7 @@ use fretwork_job::{Change, FailureKind, JobId, JobState, Key, Origin, Recomputed
 
 /// The id of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct RunId(pub(crate) i64);
+pub struct RunId(pub i64);
 
 /// The part of a run that one worker computes: the whole run (`None`), or the piece of a study with this number.
 pub(crate) type RunPart = (RunId, Option<u32>);

@@ -1,5 +1,5 @@
-//! Simulates the threads of a pool from a seed. The places and the parked pieces are those of the product; the queue and
-//! the usage of the owners are a model. No thread sleeps: a piece is parked without the wait for its place.
+//! Simulates the threads of a pool from a seed. The parked pieces, and what comes next, are those of the product; the queue
+//! and the usage of the owners are a model.
 
 #![cfg(test)]
 
@@ -8,44 +8,50 @@ use std::time::Instant;
 
 use parking_lot::{Mutex, MutexGuard};
 
-use super::{LAST, PARKED, PARKED_BYTES, Parkable, Parking, SLICE};
+use super::super::assignment::{Assignment, Begun};
+use super::tests::claimed;
+use super::{LAST, PARKED_BYTES, Parking, SLICE};
 use fretwork_random::Random;
-use fretwork_store::Owners;
+use fretwork_store::{Claimed, Owners, Piece, RunId};
 
 const OWNERS: [&str; 6] = ["ada", "bob", "eve", "kim", "lea", "max"];
-
-/// A piece on a thread.
-struct SimulatedPiece {
-    owner: &'static str,
-    bytes: usize,
-    slices: u64,
-    /// Whether it makes the result of a study, and whether it has begun.
-    assembles: Option<bool>,
-}
-
-impl SimulatedPiece {
-    fn parkable(&self) -> Parkable {
-        let waits = self.assembles == Some(false);
-        let bytes = if waits { 0 } else { self.bytes };
-        Parkable { owner: self.owner.to_owned(), bytes, waits }
-    }
-}
 
 struct Pool {
     random: Random,
     parking: &'static Parking,
     /// The right of the piece that makes the result of a study.
-    assembling: Option<MutexGuard<'static, ()>>,
+    assembling: Option<(RunId, MutexGuard<'static, ()>)>,
     now: Instant,
-    /// The claimable pieces, and since when they wait.
-    queue: Vec<(SimulatedPiece, Instant)>,
-    places: Vec<Option<SimulatedPiece>>,
-    asleep: BTreeMap<u64, SimulatedPiece>,
-    used: &'static Mutex<BTreeMap<&'static str, u64>>,
-    submitted: usize,
-    done: usize,
+    queue: Claimable,
+    places: Vec<Option<Assignment>>,
+    submitted: i64,
+    done: i64,
     parked: usize,
     full: usize,
+}
+
+/// The claimable pieces, the slices that each unfinished piece takes, and the usage of each owner.
+struct Claimable {
+    pieces: Vec<Claimed>,
+    slices: BTreeMap<RunId, u64>,
+    used: &'static Mutex<BTreeMap<&'static str, u64>>,
+}
+
+impl Claimable {
+    fn used(&self, owner: &str) -> u64 {
+        self.used.lock()[owner]
+    }
+
+    fn may(&self, owners: &Owners, owner: &str) -> bool {
+        self.used(owner) < owners.below && !owners.except.iter().any(|other| other == owner)
+    }
+
+    fn claim(&mut self, owners: &Owners) -> Option<Claimed> {
+        let waiting = self.pieces.iter().enumerate();
+        let may = waiting.filter(|(_, of)| self.may(owners, &of.owner));
+        let next = may.min_by_key(|(place, of)| (self.used(&of.owner), *place))?.0;
+        Some(self.pieces.remove(next))
+    }
 }
 
 impl Pool {
@@ -55,165 +61,113 @@ impl Pool {
         // Both live as long as the process, like those of a server.
         let used = Box::leak(Box::new(Mutex::new(OWNERS.map(|owner| (owner, 0)).into())));
         let used: &'static Mutex<BTreeMap<&'static str, u64>> = used;
-        let parking = Parking::new(count, |owner| used.lock()[owner]);
-        let pool = Self {
+        let parking = Parking::new(|owner| used.lock()[owner]);
+        Self {
             random,
             parking: Box::leak(Box::new(parking)),
             assembling: None,
             now: Instant::now(),
-            queue: Vec::new(),
+            queue: Claimable { pieces: Vec::new(), slices: BTreeMap::new(), used },
             places: (0..count).map(|_| None).collect(),
-            asleep: BTreeMap::new(),
-            used,
             submitted: 0,
             done: 0,
             parked: 0,
             full: 0,
-        };
-        (0..count).for_each(|_| pool.idle());
-        pool
+        }
     }
 
     fn below(&mut self, end: usize) -> usize {
         self.random.between(0.0, end as f64) as usize
     }
 
-    fn used(&self, owner: &str) -> u64 {
-        self.used.lock()[owner]
-    }
-
-    /// A thread takes a free place, and has no work.
-    fn idle(&self) {
-        let claims = self.parking.take_place();
-        assert_eq!(claims.map(|claims| claims.len()), Some(0));
-        self.parking.set_idle(true);
-    }
-
-    fn submit(&mut self, largest: f64) {
+    fn submit(&mut self) {
         let owner = self.random.one_of(&OWNERS);
-        let bytes = self.random.log_between(1024.0, largest) as usize;
         let slices = self.random.log_between(1.0, 100.0) as u64;
-        let assembles = (self.below(8) == 0).then_some(false);
-        self.queue.push((SimulatedPiece { owner, bytes, slices, assembles }, self.now));
+        let is_assembly = self.below(8) == 0;
         self.submitted += 1;
+        self.queue.pieces.push(claimed(self.submitted, owner, is_assembly));
+        self.queue.slices.insert(RunId(self.submitted), slices);
         if let Some(place) = self.places.iter().position(Option::is_none) {
-            self.parking.set_idle(false);
-            self.places[place] = self.claim(&Owners::ALL);
+            self.places[place] = self.queue.claim(&Owners::ALL).map(Assignment::from);
         }
     }
 
-    fn may(&self, owners: &Owners, owner: &str) -> bool {
-        self.used(owner) < owners.below && !owners.except.iter().any(|other| other == owner)
-    }
-
-    fn claim(&mut self, owners: &Owners) -> Option<SimulatedPiece> {
-        let queue = self.queue.iter().enumerate();
-        let may = queue.filter(|(_, (piece, _))| self.may(owners, piece.owner));
-        let next = may.min_by_key(|(place, (piece, _))| (self.used(piece.owner), *place))?.0;
-        Some(self.queue.remove(next).0)
-    }
-
-    /// The piece that has a place again, if there is one.
-    fn resumed(&mut self) -> Option<SimulatedPiece> {
-        let parked: Vec<_> =
-            self.parking.state.lock().parked.iter().map(|(number, _)| *number).collect();
-        let number = *self.asleep.keys().find(|number| !parked.contains(number))?;
-        self.asleep.remove(&number)
-    }
-
-    /// Parks the piece at a place, as `Parking::wait`, and gives the place to another one.
-    fn park(&mut self, place: usize, next: SimulatedPiece) {
-        let piece = self.places[place].replace(next).unwrap();
-        let number = self.parking.state.lock().park(&piece.parkable());
-        self.asleep.insert(number, piece);
-        self.parked += 1;
-    }
-
-    /// As `Worker::make_way`.
-    fn make_way(&mut self, place: usize, below: u64) {
-        let piece = self.places[place].as_ref().unwrap().parkable();
-        let has_room = self.parking.state.lock().has_room(&piece);
-        let but = (!piece.waits).then_some(piece.owner.clone());
-        let owners = self.parking.others(below, but.as_deref());
-        let was_futile = has_room && !self.parking.may_claim(&piece, owners.below, self.now);
-        if has_room && !was_futile {
-            if let Some(next) = self.claim(&owners) {
-                return self.park(place, next);
+    /// As `Worker::slice`. Returns whether the piece has ended.
+    fn slice(&mut self, piece: &mut Assignment, largest: f64) -> bool {
+        let run = piece.claimed.run;
+        if matches!(piece.claimed.piece, Piece::Assembly { .. }) {
+            if self.assembling.as_ref().is_none_or(|(other, _)| *other != run) {
+                let Some(right) = self.parking.assembling.try_lock() else { return false };
+                self.assembling = Some((run, right));
             }
-            self.parking.found_nothing(owners.below, self.now);
+        } else if piece.begun.is_none() {
+            let bytes = self.random.log_between(1024.0, largest) as usize;
+            piece.begun = Some(Begun::endless(bytes));
         }
-        let mut state = self.parking.state.lock();
-        let is_resumed = self.parking.resume_for(&mut state, &piece, below);
-        let excess = state.bytes_with(&piece).saturating_sub(PARKED_BYTES);
-        let may =
-            |other: &Parkable| other.bytes >= excess && (piece.waits || other.owner != piece.owner);
-        let left = state.parked.iter().filter(|(_, other)| may(other));
-        let left = left.map(|(_, other)| self.parking.rank(other)).min();
-        drop(state);
-        if is_resumed {
-            let next = self.resumed().expect("a parked piece has the place");
-            return self.park(place, next);
+        let left = self.queue.slices.get_mut(&run).unwrap();
+        *left -= 1;
+        let ends = *left == 0;
+        *self.queue.used.lock().get_mut(&*piece.claimed.owner).unwrap() += 2;
+        if ends {
+            self.queue.slices.remove(&run);
+            self.assembling.take_if(|(other, _)| *other == run);
         }
-        assert!(left.is_none_or(|rank| rank >= below), "a parked piece has less usage");
-        self.full += usize::from(!has_room);
-        let claimable = self.queue.iter().filter(|(other, since)| {
-            let is_new = self.now.duration_since(*since) < SLICE;
-            but.as_deref() != Some(other.owner)
-                && self.used(other.owner) < below
-                && !(was_futile && is_new)
-        });
-        assert!(!has_room || claimable.count() == 0, "an owner with less usage waits");
+        ends
     }
 
-    /// The thread at a place computes for a slice.
-    fn turn(&mut self, place: usize) {
-        let Some(piece) = &mut self.places[place] else { return };
-        let owner = piece.owner;
-        if piece.assembles == Some(false) {
-            let Some(right) = self.parking.assembling.try_lock() else {
-                return self.make_way(place, LAST);
-            };
-            self.assembling = Some(right);
-            piece.assembles = Some(true);
-        }
-        piece.slices -= 1;
-        *self.used.lock().get_mut(owner).unwrap() += 2;
-        if piece.slices > 0 {
+    /// The thread at a place computes for a slice, and goes on as `Worker::compute_all` and `Worker::run`.
+    fn turn(&mut self, place: usize, largest: f64) {
+        let Some(mut piece) = self.places[place].take() else { return };
+        let run = piece.claimed.run;
+        self.places[place] = if self.slice(&mut piece, largest) {
+            self.done += 1;
+            let claimed = self.queue.claim(&self.parking.others(u64::MAX));
+            claimed.map(Assignment::from).or_else(|| self.parking.take())
+        } else if self.assembling.as_ref().is_some_and(|(assembled, _)| *assembled == run) {
             // The result of a study is made without a pause.
-            if piece.assembles.is_none() && self.parking.is_full() {
-                self.make_way(place, self.used(owner));
-            }
-            return;
-        }
-        if piece.assembles.is_some() {
-            self.assembling = None;
-        }
-        self.done += 1;
-        let owners = self.parking.others(u64::MAX, None);
-        self.places[place] = self.claim(&owners);
-        if self.places[place].is_none() {
-            self.parking.give_place();
-            self.places[place] = self.resumed();
-            if self.places[place].is_none() {
-                self.idle();
-            }
-        }
+            Some(piece)
+        } else {
+            Some(self.make_way(piece))
+        };
     }
 
-    fn check(&self) {
-        let state = self.parking.state.lock();
-        let bytes: usize = self.asleep.values().map(|piece| piece.parkable().bytes).sum();
-        assert!(self.asleep.len() <= PARKED && bytes <= PARKED_BYTES, "too much is parked");
+    fn make_way(&mut self, piece: Assignment) -> Assignment {
+        let (run, owner, rank) =
+            (piece.claimed.run, piece.claimed.owner.clone(), self.parking.rank(&piece));
+        let (has_room, futile) = (self.parking.has_room(&piece), *self.parking.futile.lock());
+        let mut below = self.parking.others(rank);
+        below.except.push(owner);
+        let before = self.parking.pieces.lock().len();
+        let next = self.parking.next(piece, self.now, |owners| self.queue.claim(&owners));
+        let after = self.parking.pieces.lock().len();
+        self.parked += usize::from(next.claimed.run != run);
+        self.full += usize::from(!has_room);
+        let ranks = self.parking.pieces.lock().iter().map(|of| self.parking.rank(of)).min();
+        if next.claimed.run == run || after == before {
+            let least = ranks.is_none_or(|least| least >= rank.min(self.parking.rank(&next)));
+            assert!(least, "a parked piece has less usage");
+            let was_futile = futile.is_some_and(|(at, _)| self.now - at < SLICE);
+            let waits = self.queue.pieces.iter().any(|of| self.queue.may(&below, &of.owner));
+            let is_last = rank >= LAST;
+            assert!(!has_room || was_futile || is_last || !waits, "an owner with less waits");
+        } else {
+            let used = self.queue.used(&next.claimed.owner);
+            assert!(used < rank && ranks.is_none_or(|least| used < least), "not the least usage");
+        }
+        next
+    }
+
+    fn check(&self, largest: f64) {
+        let pieces = self.parking.pieces.lock();
+        let bytes: usize = pieces.iter().map(Assignment::bytes).sum();
+        let most = PARKED_BYTES + self.places.len() * (largest as usize).max(1 << 20);
+        assert!(bytes <= most, "too much is parked");
         let idle = self.places.iter().filter(|place| place.is_none()).count();
-        assert_eq!((state.free, state.idle, state.parked.len()), (0, idle, self.asleep.len()));
-        let waiting = self.queue.len() + self.asleep.len();
+        let waiting = self.queue.pieces.len() + pieces.len();
         assert!(idle == 0 || waiting == 0, "a place is idle, and {waiting} pieces wait");
-        let begun = self.places.iter().flatten().filter(|piece| piece.assembles == Some(true));
-        assert_eq!(
-            usize::from(self.parking.assembling.is_locked()),
-            begun.count(),
-            "one result at a time is made"
-        );
+        assert_eq!(self.parking.assembling.is_locked(), self.assembling.is_some());
+        let known = waiting + self.places.iter().flatten().count();
+        assert_eq!(known, self.queue.slices.len(), "a piece is lost");
     }
 }
 
@@ -237,13 +191,13 @@ fn history(seed: u64) -> (usize, usize) {
     for slice in 0.. {
         if slice < 1000 {
             while pool.random.between(0.0, pause) < 0.2 {
-                pool.submit(largest);
+                pool.submit();
             }
         }
         for place in 0..pool.places.len() {
             pool.now += SLICE / pool.places.len() as u32;
-            pool.turn(place);
-            pool.check();
+            pool.turn(place, largest);
+            pool.check(largest);
         }
         if slice >= 1000 && pool.done == pool.submitted {
             break;
