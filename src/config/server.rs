@@ -191,10 +191,11 @@ impl Serve {
         Ok(place)
     }
 
-    /// Whether other machines can reach an address of the server.
+    /// Whether other machines can reach the server: at one of its addresses, or through a proxy that does not sign users on.
     pub fn is_reachable(&self) -> bool {
         let mut addresses = iter::once(self.listen).chain(self.umbridge_listen);
-        addresses.any(|address| !address.ip().is_loopback())
+        let has_open_proxy = !self.trusted_proxies.is_empty() && self.auth_header.is_none();
+        has_open_proxy || addresses.any(|address| !address.ip().is_loopback())
     }
 
     /// The settings of the HTTP interface.

@@ -869,8 +869,12 @@ fn a_bad_admin_key_is_refused_without_printing_it() {
 
 /// Starts a server that other machines can reach. Returns what it prints until it has printed its address.
 fn serve_openly(data: &Path, options: &[&str]) -> (Running, String) {
+    serve_at("0.0.0.0:0", data, options)
+}
+
+fn serve_at(listen: &str, data: &Path, options: &[&str]) -> (Running, String) {
     let mut server = Command::new(env!("CARGO_BIN_EXE_fretwork"));
-    server.args(["--listen", "0.0.0.0:0", "--data-dir"]).arg(data).args(options);
+    server.args(["--listen", listen, "--data-dir"]).arg(data).args(options);
     let mut server =
         Running(server.env("FRETWORK_LOG", "off").stdout(Stdio::piped()).spawn().unwrap());
     let mut said = String::new();
@@ -895,6 +899,21 @@ async fn a_server_that_other_machines_can_reach_prints_the_first_key_once() {
     drop(first);
     let (_second, said) = serve_openly(dir.path(), &[]);
     assert!(!said.contains("fretwork_"), "{said}");
+}
+
+#[test]
+fn a_server_behind_a_proxy_makes_a_first_key_unless_the_proxy_signs_users_on() {
+    let says_key = |options: &[&str]| {
+        let dir = TempDir::new().unwrap();
+        let (_server, said) = serve_at("127.0.0.1:0", dir.path(), options);
+        said.contains("fretwork_")
+    };
+    let proxy = ["--trusted-proxy", "127.0.0.1"];
+    let sign_on = ["--auth-header", "X-User", "--auth-role", "read", "--auth-secret", MASTER];
+    assert!(!says_key(&[]));
+    assert!(says_key(&proxy), "the clients of a proxy are on other machines");
+    assert!(!says_key(&[&proxy[..], &sign_on].concat()));
+    assert!(!says_key(&[&proxy[..], &["--no-auth"]].concat()));
 }
 
 #[test]
