@@ -241,6 +241,16 @@ def named(browser, base):
     page.click("[aria-label='Save comparison-first']")
     saved = downloaded(page, page.get_by_role("button", name="Save comparison-first as SVG").click).decode()
     assert ">140\u00a0N<" in saved and ">150\u00a0N<" in saved and "Force 140" not in saved, saved
+    # A result whose points come late is drawn without lines, and again with them.
+    waiting.clear()
+    page.add_init_script("AbortSignal.timeout = () => { const at_once = new AbortController(); setTimeout(() => at_once.abort()); return at_once.signal; }")
+    page.goto(f"{base}/#/result/{keys[0]}")
+    page.reload()
+    lines = page.locator("section[aria-label='History'] .curve")
+    expect(lines.first).to_have_attribute("stroke-width", "0")
+    for route in waiting:
+        route.continue_()
+    expect(lines.first).to_have_attribute("stroke-width", "2")
     page.context.close()
 
 

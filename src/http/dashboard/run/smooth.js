@@ -6,8 +6,8 @@ import { MARKED } from "../figure/run.js";
 /** The page waits at most this long for the points before it draws a result. */
 const WAIT_MS = 1500;
 
-/** Resolves when the page should wait no longer. */
-export const patience = () => new Promise((done) => { AbortSignal.timeout(WAIT_MS).addEventListener("abort", done); });
+/** Resolves to false when the page should wait no longer. */
+export const patience = () => new Promise((done) => { AbortSignal.timeout(WAIT_MS).addEventListener("abort", () => done(false)); });
 
 /** Adds the points to the history of a run, and to that of the simplified rule beside it. */
 async function add({ key, history, comparison }, link, signal) {
