@@ -187,10 +187,12 @@ def paste_a_trace(browser):
     profile = scenario(page)["profile"]
     assert abs(profile["radius"][-1] - 0.4e-3) < 2e-5 and abs(profile["height"][-1] / profile["radius"][-1] ** 2 * 0.02 - 1) < 0.01, profile
     assert abs(evaluated(page) / ball - 1) < 0.02, (evaluated(page), ball)
-    page.fill("#trace", "no numbers")
-    expect(page.locator("#trace-says")).to_contain_text("The form still uses the trace that was read before.")
+    # With a given axis, too, each side alone is that ball.
     page.select_option("#trace-axis", "middle")
     page.select_option("#trace-sides", "left")
+    expect(page.locator("#trace-says")).to_contain_text("A tilt of 2.9 deg was removed. The best ball has R = 10 mm.")
+    page.fill("#trace", "no numbers")
+    expect(page.locator("#trace-says")).to_contain_text("The form still uses the trace that was read before.")
     settled(page)
     browser.check_accessibility(page, "trace")
     page.click("button.primary")

@@ -68,7 +68,7 @@ export class TraceEditor {
     const extent = (all) => quantity(Math.max(...all.filter(Number.isFinite)) - Math.min(...all.filter(Number.isFinite)), "m", 3);
     this.#says.textContent = [`${x.length} points became ${profile.radius.length} radii.`, `The trace is ${extent(x)} wide and ${extent(z)} high.`,
       isTurned && "It has a peak, so it was turned over.", `The axis is at x = ${quantity(centre, "m", 3)}.`,
-      slope !== 0 ? `A tilt of ${quantity(Math.atan(slope), "rad", 2)} was removed.` : this.#level.checked && "No tilt was found.", `The best ball has R = ${quantity(radiusOf(profile), "m", 3)}.`, ...notes]
+      slope !== 0 ? `A tilt of ${quantity(Math.atan(slope), "rad", 2)} was removed.` : this.#level.checked && (this.#axis.value === "symmetry" ? "No tilt was found: that of a ball only moves the axis." : "No tilt was found."), `The best ball has R = ${quantity(radiusOf(profile), "m", 3)}.`, ...notes]
       .filter(Boolean).join(" ");
     this.use(profile);
   }

@@ -65,10 +65,10 @@ function sidesOf(points, axis) {
 }
 
 /**
- * The axis about which both sides are most alike, and the tilt. Across a ball a shift and a tilt look alike, and give the same
- * profile. So a tilt is believed only if the sides are much less alike without it.
+ * The axis about which both sides are most alike, unless it is given, and the tilt. Across a ball a shift and a tilt look alike, and
+ * give the same profile. So a tilt is believed only if the sides are much less alike without it.
  */
-function symmetryOf(points, mayTilt) {
+function symmetryOf(points, mayTilt, given) {
   const [first, last] = [points[0][0], points.at(-1)[0]];
   /** The best of the axes between two places, which is then searched more finely. */
   const best = (name, from, to, isFine) => {
@@ -77,12 +77,13 @@ function symmetryOf(points, mayTilt) {
     const found = all.reduce((least, own) => (own[name] < least[name] ? own : least));
     return isFine ? found : best(name, found.axis - step, found.axis + step, true);
   };
-  const [level, tilted] = ["level", "tilted"].map((name) => best(name, first + REACH * (last - first), last - REACH * (last - first)));
+  const [level, tilted] = ["level", "tilted"].map((name) => (given === undefined
+    ? best(name, first + REACH * (last - first), last - REACH * (last - first)) : sidesOf(points, given)));
   const height = Math.max(...points.map(([, z]) => z)) - Math.min(...points.map(([, z]) => z));
   const alike = Math.max(tilted.tilted, (LEAST * height) ** 2);
   if (!mayTilt || level.level <= BETTER * alike) return { axis: level.axis, slope: 0 };
   // A tilt with an axis that nothing shows: the middle is as good as any.
-  const middle = sidesOf(points, (first + last) / 2);
+  const middle = sidesOf(points, given ?? (first + last) / 2);
   return middle.tilted <= BETTER * alike ? middle : tilted;
 }
 
@@ -100,10 +101,9 @@ export function profileOf(xs, zs, { level, axis, sides }) {
   const isHalf = points[0][0] >= 0 || points.at(-1)[0] <= 0;
   const isTurned = !(axis === "zero" && isHalf) && mean(inner.map(([, z]) => z)) > mean(outer.map(([, z]) => z));
   if (isTurned) points = points.map(([x, z]) => [x, -z]);
-  const symmetry = symmetryOf(points, level);
-  const centre = { symmetry: () => symmetry.axis, lowest: () => lowest(points), middle: () => (points[0][0] + points.at(-1)[0]) / 2, zero: () => 0 }[axis]();
+  const given = { lowest: () => lowest(points), middle: () => (points[0][0] + points.at(-1)[0]) / 2, zero: () => 0 }[axis]?.();
   // One side alone has no tilt: it looks like the slope of the profile.
-  const slope = axis === "zero" && isHalf ? 0 : symmetry.slope;
+  const { axis: centre, slope } = axis === "zero" && isHalf ? { axis: 0, slope: 0 } : symmetryOf(points, level, given);
   points = points.map(([x, z]) => [x, z - slope * (x - centre)]);
   const reach = { left: centre - points[0][0], right: points.at(-1)[0] - centre };
   const wanted = sides === "both" ? ["left", "right"].filter((side) => reach[side] > 0) : [sides];
