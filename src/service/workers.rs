@@ -57,9 +57,9 @@ const MAX_ABANDON: Duration = Duration::from_secs(5);
 enum WorkerOrder {
     /// Claim runs and compute them.
     Work,
-    /// Finish the current run, and claim no further run.
+    /// Finish what was begun, and claim nothing.
     Finish,
-    /// Release the current run, and end.
+    /// Release what was begun, and end.
     Abandon,
 }
 
@@ -102,6 +102,7 @@ impl Workers {
                 studies: Arc::clone(&studies),
                 parking: Arc::clone(&parking),
                 busy: busy.clone(),
+                count,
                 batch: Mutex::default(),
                 _living: living.clone(),
             };
@@ -162,6 +163,8 @@ struct Worker {
     studies: Arc<Studies>,
     parking: Arc<Parking>,
     busy: watch::Sender<usize>,
+    /// The number of threads.
+    count: usize,
     batch: Mutex<Batch>,
     _living: mpsc::Sender<()>,
 }
@@ -229,18 +232,23 @@ impl Worker {
     fn slice(&self, piece: &mut Assignment) -> Option<Outcome> {
         let _span = span(&piece.claimed).entered();
         let began = Instant::now();
-        // This is unwind safe: after a panic, nothing that the closure has changed is used.
+        // This is unwind safe: after a panic, nothing of the piece that the closure has changed is used.
         let made = catch_unwind(AssertUnwindSafe(|| self.compute(piece))).unwrap_or_else(|panic| {
             Err(NotMade::Failed(FailureKind::Panicked, message_of(&*panic)))
         });
-        self.store.computed(&piece.claimed.owner, began.elapsed());
+        // An assembly that waits is never begun, and uses nothing.
+        if piece.begun.is_some() || !matches!(made, Ok(None)) {
+            self.store.computed(&piece.claimed.owner, began.elapsed());
+        }
         made.transpose()
     }
 
-    /// Claims a piece of these owners. After an error of the store, it claims none.
+    /// Claims a piece of these owners, unless a thread without a piece does so. After an error of the store, it claims none.
     fn claim_of(&self, owners: Owners) -> Option<Claimed> {
-        let claiming = || self.runtime.block_on(self.store.claim_up_to(1, owners)).ok()?.pop();
-        (self.order() == WorkerOrder::Work).then(claiming).flatten()
+        if self.order() != WorkerOrder::Work || *self.busy.borrow() < self.count {
+            return None;
+        }
+        self.runtime.block_on(self.store.claim_up_to(1, owners)).ok()?.pop()
     }
 
     /// If the batch takes long, stores its finished runs and releases the waiting ones, so that other workers compute

@@ -4,7 +4,9 @@ use std::time::Duration;
 
 use fretwork_job::{Answer, Cost, Step};
 use fretwork_store::Claimed;
-use fretwork_study::RUN_MEMORY;
+
+/// Estimated memory of a piece that was not begun.
+const CLAIM_MEMORY: usize = 1 << 10;
 
 /// A claimed piece, until its outcome is known.
 pub(super) struct Assignment {
@@ -22,7 +24,7 @@ impl From<Claimed> for Assignment {
 impl Assignment {
     /// Estimated memory.
     pub(super) fn bytes(&self) -> usize {
-        self.begun.as_ref().map_or(RUN_MEMORY, |begun| begun.bytes)
+        self.begun.as_ref().map_or(CLAIM_MEMORY, |begun| begun.bytes)
     }
 }
 

@@ -16,8 +16,8 @@ mod simulation;
 
 /// A piece computes for at least this time before it is parked.
 pub(super) const SLICE: Duration = Duration::from_millis(200);
-/// While the parked pieces have this estimated memory, in bytes, no thread claims a piece to park its own. Each thread may have
-/// claimed one at the same time, so they may have that much more.
+/// While the parked pieces have more estimated memory than this, in bytes, no thread claims a piece. So all begun pieces have at
+/// most this and the largest piece for each thread.
 const PARKED_BYTES: usize = 64 << 20;
 /// The rank of a piece that waits until another result of a study is made. Every usage is below.
 const LAST: u64 = u64::MAX - 1;
@@ -46,7 +46,7 @@ impl Parking {
         }
     }
 
-    /// The pieces with less rank come first.
+    /// The pieces with less rank come first. One that must stop comes at once, because it then leaves the list.
     fn rank(&self, piece: &Assignment) -> u64 {
         let is_assembly = matches!(piece.claimed.piece, Piece::Assembly { .. });
         match (self.usage)(&piece.claimed.owner) {
@@ -56,22 +56,26 @@ impl Parking {
         }
     }
 
-    /// The owners for whom less was computed than for those of all parked pieces, and less than `below`.
+    /// The owners for whom less was computed than for those of all parked pieces, and less than `below`. Assemblies that wait do not
+    /// count. None if the parked pieces have too much memory.
     pub(super) fn others(&self, below: u64) -> Owners {
         let pieces = self.pieces.lock();
         let ready = pieces.iter().map(|piece| (self.rank(piece), &piece.claimed.owner));
         let (ranks, owners): (Vec<_>, Vec<_>) = ready.filter(|(rank, _)| *rank < LAST).unzip();
-        Owners {
-            below: ranks.into_iter().fold(below, u64::min),
-            except: owners.into_iter().cloned().collect(),
-        }
+        let has_room = bytes(&pieces) <= PARKED_BYTES;
+        let below = if has_room { ranks.into_iter().fold(below, u64::min) } else { 0 };
+        Owners { below, except: owners.into_iter().cloned().collect() }
     }
 
     /// Takes the parked piece with the least rank.
     pub(super) fn take(&self) -> Option<Assignment> {
         let mut pieces = self.pieces.lock();
         let (_, place) = self.least(&pieces)?;
-        Some(pieces.swap_remove(place))
+        let piece = pieces.swap_remove(place);
+        if !pieces.is_empty() {
+            self.parked.notify_one();
+        }
+        Some(piece)
     }
 
     fn least(&self, pieces: &[Assignment]) -> Option<(u64, usize)> {
@@ -92,13 +96,15 @@ impl Parking {
         owners.except.extend((rank < LAST).then(|| piece.claimed.owner.clone()));
         let below = owners.below;
         let is_new = |(at, tried): (Instant, u64)| below > tried || now - at >= SLICE;
-        if self.has_room(&piece) && self.futile.lock().is_none_or(is_new) {
+        let has_room = bytes(&self.pieces.lock()) + piece.bytes() <= PARKED_BYTES;
+        if has_room && self.futile.lock().is_none_or(is_new) {
+            let began = Instant::now();
             if let Some(claimed) = claim(owners) {
                 self.pieces.lock().push(piece);
                 self.parked.notify_one();
                 return claimed.into();
             }
-            *self.futile.lock() = Some((now, below));
+            *self.futile.lock() = Some((now + began.elapsed(), below));
         }
         let mut pieces = self.pieces.lock();
         match self.least(&pieces) {
@@ -106,11 +112,10 @@ impl Parking {
             _ => piece,
         }
     }
+}
 
-    fn has_room(&self, piece: &Assignment) -> bool {
-        let parked: usize = self.pieces.lock().iter().map(Assignment::bytes).sum();
-        parked + piece.bytes() <= PARKED_BYTES
-    }
+fn bytes(pieces: &[Assignment]) -> usize {
+    pieces.iter().map(Assignment::bytes).sum()
 }
 
 #[cfg(test)]
