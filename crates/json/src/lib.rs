@@ -56,7 +56,7 @@ impl Formatter for TwelveDigits {
 fn write_decimal<W: ?Sized + Write>(
     out: &mut W,
     is_negative: bool,
-    Decimal { mut digits, places }: Decimal,
+    Decimal { digits, places }: Decimal,
 ) -> io::Result<()> {
     /// The texts of 0…99, in order.
     const PAIRS: [[u8; 2]; 100] = {
@@ -68,26 +68,26 @@ fn write_decimal<W: ?Sized + Write>(
         }
         pairs
     };
-    // The power of ten of the last digit.
-    let mut power = -i32::from(places);
-    while digits.is_multiple_of(10) {
-        digits /= 10;
-        power += 1;
-    }
-    // The digits are written backwards from `end`, and zeros follow. The text of the number is from `start` to `stop`.
-    let mut text = [b'0'; 40];
-    let end = 24;
-    let (mut start, mut stop) = (end, end);
-    while digits > 0 {
-        start -= 2;
-        text[start..start + 2].copy_from_slice(&PAIRS[(digits % 100) as usize]);
-        digits /= 100;
-    }
-    start += usize::from(text[start] == b'0');
+    // All numbers have 12 digits, except 10¹², whose last zero is left out.
+    let is_13 = digits == 1_000_000_000_000;
+    let digits = if is_13 { digits / 10 } else { digits };
     // The power of ten of the first digit.
-    let leading = power - 1 + i32::from((end - start) as u8);
+    let leading = 11 - i32::from(places) + i32::from(is_13);
+    // The text of the number is from `start` to `stop`. Zeros follow its digits. The pairs of two halves do not wait for each other.
+    let (mut text, mut start) = ([b'0'; 40], 12);
+    for (place, half) in [(start, digits / 1_000_000), (start + 6, digits % 1_000_000)] {
+        let half = half as u32;
+        text[place..place + 2].copy_from_slice(&PAIRS[(half / 10_000) as usize]);
+        text[place + 2..place + 4].copy_from_slice(&PAIRS[(half / 100 % 100) as usize]);
+        text[place + 4..place + 6].copy_from_slice(&PAIRS[(half % 100) as usize]);
+    }
+    let mut end = 24;
+    while text[end - 1] == b'0' {
+        end -= 1;
+    }
+    let mut stop = end;
     match leading {
-        // The largest number is 10¹². Its point is at index 35.
+        // The largest number is 10¹². Its point is at index 24.
         0.. => {
             let point = start + leading as usize;
             text.copy_within(start..=point, start - 1);
