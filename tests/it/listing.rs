@@ -60,7 +60,7 @@ async fn every_word_must_occur_in_labels_tags_or_notes(on: Engine) {
     let first = computed(&store, 1, "Straße ÄRMEL 3.5 µm", &["rig-7"]).await;
     let second = computed(&store, 2, "100% [dry] a*b ^up c\\d", &["Rig-8", "oil"]).await;
     let note = "Agrees with the rig.\nRead twice.".to_owned();
-    store.annotate(&key(2), Some(note), annotator("ada")).await.unwrap();
+    store.annotate(key(2), Some(note), annotator("ada")).await.unwrap();
     for (words, jobs, results) in [
         ("", vec![second, first], vec![2, 1]),
         ("rig", vec![second, first], vec![2, 1]),

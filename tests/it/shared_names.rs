@@ -46,7 +46,7 @@ async fn a_note_of_somebody_else_is_replaced_only_by_whoever_has_read_it(on: Eng
     let (_db, store) = Database::fresh(on).await;
     named(&store, "ada", 1, "one").await;
     let write = async |text: Option<&str>, by: Annotator| {
-        store.annotate(&key(1), text.map(str::to_owned), by).await.unwrap()
+        store.annotate(key(1), text.map(str::to_owned), by).await.unwrap()
     };
     let having_read = |name: &str, note: &Option<Note>| {
         let read = note.as_ref().map(|note| vec!["\"0\"".to_owned(), note.tag()]);
@@ -77,7 +77,7 @@ async fn a_note_of_somebody_else_is_replaced_only_by_whoever_has_read_it(on: Eng
     let mut open = annotator("127.0.0.1");
     open.by.key.clear();
     assert_eq!(write(Some("fifth"), open).await, Annotated::Done);
-    let unknown = store.annotate(&key(9), None, annotator("ada")).await.unwrap();
+    let unknown = store.annotate(key(9), None, annotator("ada")).await.unwrap();
     assert_eq!(unknown, Annotated::NotFound);
     // Of two users who have read the same note, one replaces it.
     let seen = note(&store, 1, "ada").await;
@@ -93,7 +93,7 @@ async fn a_private_note_stands_beside_the_note_of_all(on: Engine) {
     named(&store, "ada", 1, "one").await;
     let private = |name: &str| Annotator { private: true, ..annotator(name) };
     let write = async |text: Option<&str>, by: Annotator| {
-        store.annotate(&key(1), text.map(str::to_owned), by).await.unwrap()
+        store.annotate(key(1), text.map(str::to_owned), by).await.unwrap()
     };
     let texts = async || {
         let mut texts = Vec::new();
@@ -187,7 +187,7 @@ async fn names_are_given_to_another_owner(on: Engine) {
     let (db, store) = Database::fresh(on).await;
     let before = named(&store, "127.0.0.1", 1, "gear").await;
     db.execute("UPDATE job SET private = 2").await;
-    store.annotate(&key(1), Some("worn".into()), annotator("127.0.0.1")).await.unwrap();
+    store.annotate(key(1), Some("worn".into()), annotator("127.0.0.1")).await.unwrap();
     // Both owners have used the same idempotency key.
     let repeatable = |owner: &str, number| NewJob {
         owner: owner.into(),

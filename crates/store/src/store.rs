@@ -462,13 +462,8 @@ impl Store {
     }
 
     /// Writes the note of a result, or removes it.
-    pub fn annotate<'a>(
-        &'a self,
-        key: &'a Key,
-        text: Option<String>,
-        annotator: Annotator,
-    ) -> Doing<'a, Annotated> {
-        Box::pin(self.change(notes::annotate, (*key, text, annotator)))
+    pub fn annotate(&self, key: Key, text: Option<String>, by: Annotator) -> Doing<'_, Annotated> {
+        Box::pin(self.change(notes::annotate, (key, text, by)))
     }
 
     /// Deletes the body of a result, and keeps its scenario.

@@ -50,10 +50,10 @@ pub(super) async fn visible(app: &App, caller: &Caller, id: &str) -> Result<Job>
     job.filter(|job| caller.reach().sees(&job.owner, job.private)).ok_or_else(unknown)
 }
 
-/// The job with this id, if the caller may cancel and delete it.
-async fn changeable(app: &App, caller: &Caller, id: &str) -> Result<JobId> {
+/// The job with this id, if the caller may change it. If the change is open, whoever sees the job may make it.
+async fn changeable(app: &App, caller: &Caller, id: &str, is_open: bool) -> Result<JobId> {
     let job = visible(app, caller, id).await?;
-    if caller.reach().may_change(&job.owner) {
+    if is_open || caller.reach().may_change(&job.owner) {
         return Ok(job.id);
     }
     Err(Problem::other_owner("job", Some(job.owner)))
@@ -250,11 +250,8 @@ pub async fn rename(
     body: Body,
 ) -> Result<Response> {
     let naming = parse(body, Naming::parse).await?;
-    let id = if naming.label.is_none() && naming.private.is_none() {
-        visible(&app, &caller, &id).await?.id
-    } else {
-        changeable(&app, &caller, &id).await?
-    };
+    let is_open = naming.label.is_none() && naming.private.is_none();
+    let id = changeable(&app, &caller, &id, is_open).await?;
     let job = app.store.rename(id, naming, caller.actor()).await?.ok_or_else(unknown)?;
     answer(&app, &caller, job, Include::default()).await
 }
@@ -270,7 +267,7 @@ pub async fn rename(
     ),
 )]
 pub async fn cancel(app: App, caller: Caller, id: Segment, _: NoQuery) -> Result<Response> {
-    let id = changeable(&app, &caller, &id).await?;
+    let id = changeable(&app, &caller, &id, false).await?;
     match app.store.cancel(id, caller.actor()).await? {
         Canceled::NotFound => Err(unknown()),
         Canceled::AlreadyFinished(job) | Canceled::Done(job) => {
@@ -323,7 +320,7 @@ pub async fn cancel_all(app: App, caller: Caller, mut query: Query) -> Result<Js
     ),
 )]
 pub async fn delete(app: App, caller: Caller, id: Segment, _: NoQuery) -> Result<StatusCode> {
-    let id = changeable(&app, &caller, &id).await?;
+    let id = changeable(&app, &caller, &id, false).await?;
     match app.store.delete(id, caller.actor()).await? {
         Deleted::Done => Ok(StatusCode::NO_CONTENT),
         Deleted::NotFound => Err(unknown()),

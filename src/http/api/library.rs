@@ -335,7 +335,7 @@ pub async fn note(
         return Err(Problem::from(Faults::one("/text", detail)));
     }
     let by = annotator(&caller, &headers);
-    annotated(app.store.annotate(&read_key(&key)?, Some(text), by).await?)
+    annotated(app.store.annotate(read_key(&key)?, Some(text), by).await?)
 }
 
 /// Deletes the note of a result.
@@ -356,7 +356,7 @@ pub async fn delete_note(
     _: NoQuery,
 ) -> Result<StatusCode> {
     let by = annotator(&caller, &headers);
-    annotated(app.store.annotate(&read_key(&key)?, None, by).await?)
+    annotated(app.store.annotate(read_key(&key)?, None, by).await?)
 }
 
 /// Deletes a result.

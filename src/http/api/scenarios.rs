@@ -3,7 +3,6 @@
 use axum::http::HeaderMap;
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
-use serde_json::value::RawValue;
 use serde_json::{Map, Value};
 use tokio::task;
 use utoipa::ToSchema;
@@ -236,10 +235,11 @@ pub struct ExampleAnswer {
     #[schema(example = "steel-ball")]
     name: &'static str,
     /// A description for people.
-    label: String,
+    #[schema(value_type = String)]
+    label: Value,
     /// The job body.
     #[schema(value_type = Object)]
-    body: &'static RawValue,
+    body: Value,
 }
 
 /// Lists examples of job bodies.
@@ -252,14 +252,9 @@ pub struct ExampleAnswer {
     ),
 )]
 pub async fn examples(headers: HeaderMap, _: NoQuery) -> Result<Response> {
-    #[derive(serde::Deserialize)]
-    struct Label {
-        label: String,
-    }
-    let read = |example: &'static Example| {
-        let label = serde_json::from_str::<Label>(example.body)?.label;
-        let body = serde_json::from_str::<&RawValue>(example.body)?;
-        Ok(ExampleAnswer { name: example.name, label, body })
+    let read = |example: &Example| {
+        let body: Value = serde_json::from_str(example.body)?;
+        Ok(ExampleAnswer { name: example.name, label: body["label"].clone(), body })
     };
     let answers: serde_json::Result<Vec<_>> = EXAMPLES.iter().map(read).collect();
     let text = answers.and_then(|answers| serde_json::to_vec(&answers)).map_err(Problem::bug)?;

@@ -22,9 +22,8 @@ pub(crate) async fn rename(
     if let Some(label) = &naming.label {
         tx.execute(sql!("UPDATE job SET label = $2 WHERE id = $1"; *id, label.as_ref())).await?;
     }
-    if let Some(private) = naming.private {
-        let update = sql!("UPDATE job SET private = $2 WHERE id = $1"; *id, i64::from(private));
-        tx.execute(update).await?;
+    if let Some(private) = naming.private.map(i64::from) {
+        tx.execute(sql!("UPDATE job SET private = $2 WHERE id = $1"; *id, private)).await?;
     }
     if let Some(tags) = &naming.tags {
         // In SQLite, only the index by tags finds the tags of a job.

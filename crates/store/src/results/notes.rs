@@ -99,11 +99,8 @@ pub(crate) async fn annotate(
     let mut query = Statement::of(format!("SELECT {COLUMNS} FROM result"));
     query.join_note(&by.name).push(" WHERE result.key = ").push_bind(key);
     let note = Note::read(&tx.one(query).await?)?;
-    let is_private = match (text, &note) {
-        // Who deletes a note deletes what it reads.
-        (None, Some(note)) => note.private,
-        _ => *private || note.as_ref().is_some_and(|note| note.private),
-    };
+    // Who deletes a note deletes what it reads.
+    let is_private = *private && text.is_some() || note.as_ref().is_some_and(|note| note.private);
     // The owner of the note that changes.
     let owner = note.as_ref().filter(|_| !is_private).map_or(&by.name, |note| &note.owner);
     let is_read = match (read, &note) {
@@ -116,9 +113,8 @@ pub(crate) async fn annotate(
     }
     let now = tx.now().await?;
     let table = if is_private { "private_note" } else { "note" };
-    // An own note that becomes private is no longer public.
-    let former = if *owner == by.name { &["note", "private_note"][..] } else { &["note"] };
-    for table in former {
+    // An own note that becomes private is no longer public. Who has a private note changes no note of somebody else.
+    for (table, owner) in [("note", owner), ("private_note", &by.name)] {
         let delete = Statement::of(format!("DELETE FROM {table} WHERE key = $1 AND owner = $2"));
         tx.execute(delete.with(key).with(owner)).await?;
     }

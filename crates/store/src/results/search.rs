@@ -534,11 +534,10 @@ pub(crate) fn page(search: &Search, cursor: Option<Cursor>, limit: u32) -> State
          JOIN result ON result.key = result_task.key",
     );
     query.join_note(&search.reach.owner).push(" LEFT JOIN job AS named ON named.id = coalesce(");
-    // A caller who sees the names of others sees its own name first.
+    // A caller sees its own name first.
     let own = Reach { jobs: Seen::Own, ..search.reach.clone() };
-    let first = (search.reach.jobs == Seen::Shared).then_some((" AND label IS NOT NULL", &own));
-    let others = [(" AND label IS NOT NULL", &search.reach), ("", &search.reach)];
-    for (condition, reach) in first.into_iter().chain(others) {
+    let named = " AND label IS NOT NULL";
+    for (condition, reach) in [(named, &own), (named, &search.reach), ("", &search.reach)] {
         query.push("(SELECT id FROM job WHERE job.key = result.key").push(condition);
         query.job_within(reach);
         query.push(" ORDER BY id DESC LIMIT 1), ");
