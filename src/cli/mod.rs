@@ -58,7 +58,7 @@ pub fn main() -> ExitCode {
             serve::serve(&settings, matches)
         }
         Some(Command::Worker(settings)) => worker::work(&settings),
-        Some(Command::Run(settings)) => run::run(&settings),
+        Some(Command::Run(settings)) => run::run(settings),
         Some(Command::Fit(settings)) => fit::fit(&settings),
         Some(Command::Report(settings)) => report::report(&settings),
         Some(Command::Submit(settings)) => remote::submit(&settings),

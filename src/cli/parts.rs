@@ -13,12 +13,12 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bytesize::ByteSize;
-use parking_lot::Mutex;
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64;
 
 use super::places::make_parent;
 use super::printing::{Error, Progress, counted, say};
+use super::runtime::on_all_cores;
 use super::study;
 use crate::config::StudyPart;
 use fretwork_job::{Answer, Prepared, Submission, Task};
@@ -136,16 +136,20 @@ pub fn compute(job: &Submission, body: &[u8], part: StudyPart, store: &Path) -> 
         job: String::from_utf8(body.to_vec())?,
     };
     let unusable = |error: io::Error| format!("cannot use {}: {error}", store.display());
-    let (file, known) = open(store, &head).map_err(unusable)??;
+    let (mut file, known) = open(store, &head).map_err(unusable)??;
     let numbers = (part.number - 1..head.chunks).step_by(part.of);
     let all = numbers.clone().count();
     let missing: Vec<_> = numbers.filter(|number| !known.contains_key(number)).collect();
-    let file = Mutex::new(file);
-    let keep = |number, rows| file.lock().write_all(&line(&Chunk { number, rows })?);
     let known = all - missing.len();
     let progress = (&mut Progress::new(true), known..all);
-    study::chunks(study, (&missing, head.chunks), &Rows::default(), progress, keep)?;
-    file.into_inner().sync_all().map_err(unusable)?;
+    let (study, count) = (Arc::clone(study), head.chunks);
+    let work =
+        move |number| Chunk { number, rows: study::chunk(&study, number, count, Rows::default()) };
+    on_all_cores(missing, progress, work, |chunk| {
+        let written = file.write_all(&line(&chunk?)?);
+        written.map_err(|error| format!("cannot write a chunk of the study: {error}").into())
+    })?;
+    file.sync_all().map_err(unusable)?;
     let all = counted(all as u64, "chunk");
     Ok(writeln!(io::stderr(), "part {part}: {all}, {known} of them known already")?)
 }

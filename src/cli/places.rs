@@ -50,6 +50,14 @@ pub fn reserve(file: &Path, taken: &mut Taken) -> Result<(), Error> {
     is_free.then_some(()).ok_or_else(|| format!("{name} {advice}").into())
 }
 
+/// The paths in a directory, in the order of their names.
+pub fn files_in(directory: &Path) -> io::Result<Vec<PathBuf>> {
+    let entries = fs::read_dir(directory)?.map(|entry| entry.map(|entry| entry.path()));
+    let mut paths: Vec<_> = entries.collect::<Result<_, _>>()?;
+    paths.sort();
+    Ok(paths)
+}
+
 /// Makes the directory of a file.
 pub fn make_parent(file: &Path) -> io::Result<()> {
     file.parent().map_or(Ok(()), fs::create_dir_all)
@@ -93,15 +101,15 @@ pub fn prepare(
     inputs.iter().try_for_each(|input| reserve(&inside(place, input, suffix), taken))
 }
 
-/// Makes the directory in which several input files, or a name with a slash at its end, put their results.
-fn make_directory(place: &Path, is_one: bool) -> Result<(), Error> {
+/// Makes the directory in which several files, or a name with a slash at its end, put their results.
+pub fn make_directory(place: &Path, is_one: bool) -> Result<(), Error> {
     let is_slash = place.as_os_str().as_encoded_bytes().ends_with(b"/");
     let suffix = place.extension().and_then(|suffix| suffix.to_str()).unwrap_or_default();
     let is_file = ["html", "svg"].contains(&suffix)
         || Format::ALL.iter().any(|format| format.name() == suffix);
     let is_wrong = is_file && !is_slash && !place.is_dir();
     let is_right = (is_one && !is_slash) || (!is_wrong && fs::create_dir_all(place).is_ok());
-    let advice = "is not a directory, which several input files need";
+    let advice = "is not a directory, which several files need";
     is_right.then_some(()).ok_or_else(|| format!("{} {advice}", place.display()).into())
 }
 

@@ -1,6 +1,5 @@
 //! The command `run`: computes jobs without a server.
 
-use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{self, Read as _};
 use std::iter;
@@ -8,12 +7,12 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use parking_lot::Mutex;
-use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::parts;
 use super::places::{self, inside};
-use super::printing::{Ended, Error, Progress, counted, harmless, print, say, shown};
+use super::printing::{Ended, Error, Progress, counted, print, shown};
+use super::runtime::on_all_cores;
 use super::study;
 use crate::config::{Destination, Run, ScenarioChange};
 use crate::http::report_page;
@@ -25,7 +24,7 @@ use fretwork_job::{Answer, Prepared, Submission, Task, TaskKind, clock};
 use fretwork_json::BadBody;
 
 /// Computes job bodies. The exit code is 2 if one of them is invalid. The others are computed anyway.
-pub fn run(settings: &Run) -> Result<(), Error> {
+pub fn run(settings: Run) -> Result<(), Error> {
     let files = match &settings.join {
         Some(_) => vec![PathBuf::from("-")],
         None => listed(&settings.files)?,
@@ -36,8 +35,8 @@ pub fn run(settings: &Run) -> Result<(), Error> {
     if let Some(parts) = &settings.join {
         let joined = parts::join(parts)?;
         let job = parse(joined.body(), &parts[0])?;
-        return finish(&job, joined.answer(&job.prepared)?, &files[0], settings, true)
-            .and_then(|done| give(&done));
+        give(finish(&job, joined.answer(&job.prepared)?, &files[0], &settings, true)?)?;
+        return Ok(());
     }
     if let Some(part) = settings.part {
         let advice =
@@ -49,30 +48,16 @@ pub fn run(settings: &Run) -> Result<(), Error> {
         let text = read_job(file, &settings.change)?;
         return parts::compute(&parse(&text, file)?, &text, part, store);
     }
-    all(&files, settings)
-}
-
-/// Computes input files on all cores, and prints what they give in their order. An error of one file does not hinder the others.
-fn all(files: &[PathBuf], settings: &Run) -> Result<(), Error> {
-    let is_only = files.len() == 1;
-    // The files that wait for earlier ones, the number of printed files, and the exit code.
-    let waiting = Mutex::new((BTreeMap::new(), 0, 0));
+    // An error of one file does not hinder the others.
+    let failed = |error: Error| (Vec::new(), Ended::of(&error));
+    let (is_only, mut code) = (files.len() == 1, 0);
     let span = (&mut Progress::new(!is_only), 0..files.len());
-    let printed = study::on_all_cores(files, span, |number, file| {
-        let done = of_file(file, settings, is_only);
-        let (waiting, next, code) = &mut *waiting.lock();
-        waiting.insert(number, done.map_err(|error| Ended::of(&error)));
-        while let Some(done) = waiting.remove(next) {
-            *next += 1;
-            match done {
-                Ok(done) => give(&done).map_err(|error| io::Error::other(error.to_string()))?,
-                Err(end) => *code = end.print().max(*code),
-            }
-        }
+    let work = move |file: PathBuf| of_file(&file, &settings, is_only).unwrap_or_else(failed);
+    on_all_cores(files, span, work, |done| {
+        code = give(done.unwrap_or_else(failed))?.max(code);
         Ok(())
     })?;
-    printed?;
-    Ended::with(waiting.into_inner().2)
+    Ended::with(code)
 }
 
 /// Computes one input file.
@@ -83,15 +68,13 @@ fn of_file(file: &Path, settings: &Run, is_only: bool) -> Result<Done, Error> {
     done.map_err(|error| format!("{}: {error}", file.display()).into())
 }
 
-/// What a computed file gives: the result, if it goes to standard output, and the lines of the summary.
-type Done = (Vec<u8>, Vec<String>);
+/// What a file gives: the result, if it goes to standard output, and the end with the lines of the summary or of the error.
+type Done = (Vec<u8>, Ended);
 
-fn give((output, lines): &Done) -> Result<(), Error> {
-    print(output)?;
-    for line in lines {
-        say(&harmless(line));
-    }
-    Ok(())
+/// Prints what a file gives. Returns the exit code.
+fn give((output, end): Done) -> Result<u8, Error> {
+    print(&output)?;
+    Ok(end.print())
 }
 
 /// Writes the result, the figure and the report of a job.
@@ -123,8 +106,8 @@ fn finish(
         write_file(&inside(report, file, "html"), page.as_bytes())?;
     }
     let file = (!is_only).then_some(file);
-    let lines = if settings.quiet { Vec::new() } else { summary(job, &answer, time, file)? };
-    Ok((output, lines))
+    let lines = if settings.quiet { Vec::new() } else { summary(job, &answer, time, file) };
+    Ok((output, Ended { code: 0, lines }))
 }
 
 /// Parses the job body of a file. A text that is not JSON has one fault.
@@ -141,15 +124,12 @@ fn parse(text: &[u8], file: &Path) -> Result<Submission, Error> {
 pub fn listed(files: &[PathBuf]) -> Result<Vec<PathBuf>, Error> {
     let mut all = Vec::new();
     for file in files {
-        if !file.is_dir() {
+        if file.is_dir() {
+            let is_json = |file: &PathBuf| file.extension() == Some("json".as_ref());
+            all.extend(places::files_in(file)?.into_iter().filter(is_json));
+        } else {
             all.push(file.clone());
-            continue;
         }
-        let inside = fs::read_dir(file)?.map(|entry| entry.map(|entry| entry.path()));
-        let mut inside: Vec<_> = inside.collect::<Result<_, _>>()?;
-        inside.retain(|file| file.extension().is_some_and(|suffix| suffix == "json"));
-        inside.sort();
-        all.append(&mut inside);
     }
     if all.is_empty() {
         let names: Vec<_> = files.iter().map(|file| file.display().to_string()).collect();
@@ -225,11 +205,12 @@ pub fn compute(prepared: &Prepared, is_shown: bool) -> Result<(Answer, Duration)
     let mut progress = Progress::new(is_shown);
     let _turn = matches!(prepared.task, Task::Study(_)).then(|| ONE_STUDY.lock());
     let started = Instant::now();
-    if let Task::Study(study) = &prepared.task {
-        let answer = Answer::of_study(prepared.key, study, &study::compute(study, &mut progress)?);
-        return Ok((answer, started.elapsed()));
-    }
-    let answer = prepared.compute(|done| progress.show(done));
+    let answer = match &prepared.task {
+        Task::Run(_) => prepared.compute(|done| progress.show(done)),
+        Task::Study(study) => {
+            Answer::of_study(prepared.key, study, &study::compute(study, &mut progress)?)
+        }
+    };
     Ok((answer, started.elapsed()))
 }
 
@@ -254,37 +235,22 @@ pub fn write_result(
     }
     if let Some(file) = &output.file {
         write_file(&inside(file, input, format.name()), &bytes)?;
-        bytes.clear();
+        return Ok(Vec::new());
     }
     Ok(bytes)
 }
 
-/// The units of a result, and what a run says of its unworn contact.
-#[derive(Deserialize)]
-struct ResultSummary {
-    units: Value,
-    #[serde(default)]
-    unworn: Value,
-}
-
 /// The summary of a result: all numbers and warnings. For one of several files, one line with the wear of a run.
-fn summary(
-    job: &Submission,
-    answer: &Answer,
-    time: Duration,
-    file: Option<&Path>,
-) -> Result<Vec<String>, Error> {
-    // The result of a study can be large, so only its units are kept.
-    let ResultSummary { units, unworn } = serde_json::from_slice(&answer.body)?;
-    // A line contact has no tangential modulus.
-    let is_line = unworn.get("tangential_modulus").is_some_and(Value::is_null);
+fn summary(job: &Submission, answer: &Answer, time: Duration, file: Option<&Path>) -> Vec<String> {
+    let is_line = answer.outline.words()["geometry"] == "line";
     let numbers = answer.summary.as_object().into_iter().flatten();
     let numbers = numbers.filter(|(name, _)| !name.ends_with("_error")).map(|(name, value)| {
-        let text = value.as_str().map(str::to_owned);
-        let text = text.unwrap_or_else(|| shown(value, units[name].as_str().unwrap_or("1")));
+        let quantity = Quantity::named(name);
+        let unit = quantity.map_or("1", |quantity| quantity.unit);
+        let text = value.as_str().map_or_else(|| shown(value, unit), str::to_owned);
         let error = answer.summary[format!("{name}_error")].as_f64();
         let error = error.map_or(String::new(), |error| format!(" ± {:.2} %", 100.0 * error));
-        let words = match Quantity::named(name) {
+        let words = match quantity {
             _ if name == "regime" => "Regime of the unworn contact",
             Some(quantity) => quantity.words_of(is_line),
             None => name,
@@ -296,13 +262,13 @@ fn summary(
         let wear = numbers.filter(|(name, ..)| ["wear_volume", "wear_depth"].contains(name));
         let wear = wear.map(|(_, words, text)| format!("{words} {text}"));
         let parts: Vec<_> = wear.chain([counted(warnings.len() as u64, "warning")]).collect();
-        return Ok(vec![format!("{}: {} ({time:.1} ms)", file.display(), parts.join(", "))]);
+        return vec![format!("{}: {} ({time:.1} ms)", file.display(), parts.join(", "))];
     }
     let label = job.label.as_deref().unwrap_or("computed");
     let first = iter::once(format!("{label} ({time:.1} ms)"));
     let numbers = numbers.map(|(_, words, text)| format!("  {words:<38} {text}"));
     let warnings = warnings.iter().map(|warning| format!("  warning: {}", warning.detail));
-    Ok(first.chain(numbers).chain(warnings).collect())
+    first.chain(numbers).chain(warnings).collect()
 }
 
 /// Writes a file.

@@ -147,7 +147,7 @@ fn several_files_and_changed_scenarios_are_computed() {
     assert_eq!(read("a.json"), read("b.json"));
     assert_eq!(result["scenario"]["friction"], 0.6);
     assert_eq!(result["units"]["wear_volume"], "mm^3");
-    fails_on(input, "r.csv", "is not a directory, which several input files need");
+    fails_on(input, "r.csv", "is not a directory, which several files need");
     fails(&run(&["run", input, "--plot", "p.svg"], ""), "p.svg is not a directory, which several");
     // A file that cannot be read or drawn does not hinder the others.
     let more = results.path().join("more");
