@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::io::{self, Write as _};
 
-use super::printing::{Error, print};
+use super::printing::{Error, print, say};
 use super::runtime::block_on;
 use crate::config::{AddKey, Data, Keys};
 use crate::telemetry::Logging;
@@ -116,10 +116,7 @@ async fn list(data: &Data) -> Result<(), Error> {
     let keys = of(data, Administration::keys).await?;
     let mut out = io::stdout().lock();
     if keys.is_empty() {
-        writeln!(
-            io::stderr(),
-            "There are no keys. Add one with `fretwork keys add NAME --role ROLE`."
-        )?;
+        say("There are no keys. Add one with `fretwork keys add NAME --role ROLE`.");
         return Ok(());
     }
     writeln!(out, "id        name             role    created     used        rate        state")?;

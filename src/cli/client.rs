@@ -1,6 +1,6 @@
 //! Sends requests to a server.
 
-use std::io::{self, Read as _, Write as _};
+use std::io::Read as _;
 use std::net::IpAddr;
 use std::path::Path;
 use std::thread::sleep;
@@ -82,10 +82,9 @@ impl Client {
             (key, _) => key.as_ref().map(|key| key.0.clone()),
         };
         if key.is_some() && settings.url.is_some() && !is_private(&base) {
-            writeln!(
-                io::stderr(),
+            say(&format!(
                 "warning: {base} gets the access key unencrypted, which https:// or an SSH tunnel would hide"
-            )?;
+            ));
         }
         // An earlier call has installed the same provider.
         let _ = rustls::crypto::ring::default_provider().install_default();
@@ -227,7 +226,7 @@ pub fn is_private(base: &str) -> bool {
 }
 
 /// Why a server refused a request. The exit code is 2 if the request has faults. The file of the body is named.
-fn refused(reply: &Reply, file: Option<&Path>) -> Ended {
+pub fn refused(reply: &Reply, file: Option<&Path>) -> Ended {
     let problem: Value = serde_json::from_slice(&reply.body).unwrap_or_default();
     let place = |it: &Value| it["pointer"].as_str().or(it["parameter"].as_str()).map(str::to_owned);
     let line = |it: &Value| Some(format!("{}: {}", place(it)?, it["detail"].as_str()?));

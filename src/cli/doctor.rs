@@ -1,55 +1,46 @@
 //! The command `doctor`: what is wrong with a running server, or soon will be.
 
-use std::time::{Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use bytesize::ByteSize;
-use serde_json::Value;
 
-use super::client::{Client, is_private};
+use super::client::{Client, is_private, refused};
 use super::printing::{Ended, Error, harmless, print};
 use crate::config::Remote;
+use fretwork_job::clock;
 
-/// What to do about each finding that is bad.
+/// For each bad finding: how bad it is, its name, and what to do. The worst one is the exit code, as monitors expect.
 const ADVICE: &str = include_str!("doctor.txt");
-/// How bad a finding is. The worst one is the exit code, as monitors expect.
-const LEVELS: [&str; 3] = ["ok", "warns", "fails"];
-const WARNS: u8 = 1;
-const FAILS: u8 = 2;
 
 /// The alert `FretworkDiskFillsUp` has the same limit, in bytes.
 const LEAST_FREE: f64 = 1e9;
 /// The alert `FretworkBackupOld` has the same limit, in seconds.
 const OLDEST_BACKUP: f64 = 2.0 * 86400.0;
-/// Largest difference of two clocks, in seconds. The date of an answer has no fraction of a second.
-const LARGEST_DIFFERENCE: f64 = 2.0;
+/// Largest difference of two clocks. The date of an answer has no fraction of a second.
+const LARGEST_DIFFERENCE: Duration = Duration::from_secs(2);
 
 /// Prints all findings.
 pub fn doctor(settings: &Remote) -> Result<(), Error> {
     let (client, mut worst) = (Client::new(settings)?, 0);
-    let mut find = |name: &str, is_good: bool, bad: u8, value: &str| {
-        let level = if is_good { 0 } else { bad };
-        worst = worst.max(level);
-        let advice = |line: &'static str| line.strip_prefix(name)?.strip_prefix(": ");
-        let advice = ADVICE.lines().find_map(advice).filter(|_| !is_good).unwrap_or_default();
-        let line = format!("{:<5}  {name}: {value}. {advice}", LEVELS[usize::from(level)]);
+    let mut find = |name: &str, is_good: bool, value: &str| {
+        let mut bad = ADVICE.lines().filter(|_| !is_good).filter_map(|line| line.split_once(": "));
+        let good = (&*format!("ok     {name}"), "");
+        let (head, advice) = bad.find(|(head, _)| head.ends_with(name)).unwrap_or(good);
+        worst = worst.max(u8::from(!is_good) + u8::from(head.starts_with("fails")));
+        let line = format!("{head}: {}. {advice}", value.trim_end_matches('.'));
         print(format!("{}\n", harmless(line.trim_end())).as_bytes())
     };
     let ready = match client.get("/readyz") {
         Ok(ready) => ready,
         Err(error) => {
-            find("server", false, FAILS, &error.to_string())?;
-            return Ended::with(FAILS);
+            find("server", false, &error.to_string())?;
+            return Ended::with(worst);
         }
     };
-    let document: Value = serde_json::from_slice(&ready.body).unwrap_or_default();
-    let detail = match ready.status {
-        200 => "the server accepts jobs",
-        _ => document["detail"].as_str().unwrap_or("the answer is not that of a fretwork server"),
-    };
-    find("readiness", ready.status == 200, FAILS, detail.trim_end_matches('.'))?;
+    let (is_ready, reason) = (ready.status == 200, refused(&ready, None).to_string());
+    find("readiness", is_ready, if is_ready { "the server accepts jobs" } else { &reason })?;
     let has_tls = client.base.starts_with("https://");
-    let is_hidden = has_tls || is_private(&client.base);
-    find("encryption", is_hidden, WARNS, if has_tls { "TLS" } else { "none" })?;
+    find("encryption", is_private(&client.base), if has_tls { "TLS" } else { "none" })?;
 
     // A lie, which a proxy must replace. The cookie of a session shows what the server believes.
     let lie = ("x-forwarded-proto", if has_tls { "http" } else { "https" });
@@ -57,24 +48,22 @@ pub fn doctor(settings: &Remote) -> Result<(), Error> {
     if let Some((cookie, rules)) = session.header("set-cookie").split_once(';') {
         client.once("DELETE", "/v1/session", &[lie, ("cookie", cookie)])?;
         let is_secure = rules.contains("Secure");
-        let words = if is_secure { "uses TLS" } else { "does not use TLS" };
-        let words = format!("the server believes that this client {words}");
-        find("proxy", is_secure == has_tls, FAILS, &words)?;
+        let words = if is_secure { "uses" } else { "does not use" };
+        let words = format!("the server believes that this client {words} TLS");
+        find("proxy", is_secure == has_tls, &words)?;
     }
 
     let asked = Instant::now();
     let reply = client.get("/metrics")?;
-    let seconds = |at: SystemTime| at.duration_since(UNIX_EPOCH).unwrap_or_default().as_secs_f64();
-    let now = seconds(SystemTime::now());
-    let date = httpdate::parse_http_date(reply.header("date")).map_or(f64::NAN, seconds);
     // The server writes the date while this program waits.
-    let apart = (now - 0.5 * asked.elapsed().as_secs_f64() - 0.5 - date).abs();
-    let words = format!("differs from that of the server by {apart:.0} s");
-    find("clock", apart < LARGEST_DIFFERENCE, WARNS, &words)?;
+    let written = SystemTime::now() - asked.elapsed() / 2 - Duration::from_millis(500);
+    let date = httpdate::parse_http_date(reply.header("date")).unwrap_or(UNIX_EPOCH);
+    let apart = written.duration_since(date).unwrap_or_else(|early| early.duration());
+    let words = format!("differs from that of the server by {:.0} s", apart.as_secs_f64());
+    find("clock", apart < LARGEST_DIFFERENCE, &words)?;
     if reply.status != 200 {
-        let words = format!("the server answers {} instead of its metrics", reply.status);
-        find("key", false, FAILS, &words)?;
-        return Ended::with(FAILS);
+        find("server", false, &refused(&reply, None).to_string())?;
+        return Ended::with(worst);
     }
     let text = String::from_utf8_lossy(&reply.body);
     let rest = |name: &str| text.lines().find_map(|line| line.strip_prefix(name));
@@ -82,17 +71,17 @@ pub fn doctor(settings: &Remote) -> Result<(), Error> {
     let metric = |name: &str| rest(name).and_then(|it| it.trim().parse().ok()).unwrap_or(f64::NAN);
     let version = rest("fretwork_build_info{version=\"").and_then(|it| it.split('"').next());
     let version = version.unwrap_or("unknown");
-    find("version", version == env!("CARGO_PKG_VERSION"), WARNS, version)?;
+    find("version", version == env!("CARGO_PKG_VERSION"), version)?;
     let free = metric("fretwork_disk_free_bytes");
     let words = if free.is_nan() { "unknown" } else { &format!("{} free", ByteSize(free as u64)) };
-    find("disk", free >= LEAST_FREE, WARNS, words)?;
+    find("disk", free >= LEAST_FREE, words)?;
     let last = metric("fretwork_last_backup_timestamp_seconds");
-    let age = now - last;
+    let age = clock::now() as f64 / 1e3 - last;
     let words = if last > 0.0 { &format!("{:.0} h old", age / 3600.0) } else { "none is known" };
-    find("backup", age <= OLDEST_BACKUP, WARNS, words)?;
+    find("backup", age <= OLDEST_BACKUP, words)?;
     let lost = metric("fretwork_lost_commits");
     let damaged = metric("fretwork_store_errors_total{kind=\"damaged\"}");
     let words = format!("{lost} acknowledged changes are missing, {damaged} times damage was met");
-    find("damage", lost + damaged == 0.0, FAILS, &words)?;
+    find("damage", lost + damaged == 0.0, &words)?;
     Ended::with(worst)
 }

@@ -3,13 +3,13 @@
 use std::env;
 use std::fs::{self, File};
 use std::io::{self, IsTerminal as _, Write as _};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use bytesize::ByteSize;
 
-use super::places::make_parent;
-use super::printing::{Ended, Error, counted, harmless, print};
+use super::places::{files_in, inside, make_directory, make_parent};
+use super::printing::{Ended, Error, counted, harmless, print, say};
 use super::runtime::block_on;
 use crate::config::{Backup, Data, Export, Import, Restore};
 use crate::service;
@@ -36,15 +36,11 @@ fn progress(what: &'static str) -> impl FnMut(f64, usize) {
             return;
         }
         shown = Instant::now();
-        let (begin, end) = match (is_terminal, is_end) {
-            (true, false) => ("\r", ""),
-            (true, true) => ("\r", "\n"),
-            _ => ("", "\n"),
-        };
-        // Progress is optional: standard error may be closed.
+        let begin = if is_terminal { "\r" } else { "" };
+        let end = if is_terminal && !is_end { "" } else { "\n" };
         let (percent, done) = (100.0 * done / of.max(1) as f64, done.floor());
-        let line = format!("{begin}{what} {done} of {of} ({percent:.1} %){end}");
-        let _ = err.write_all(line.as_bytes()).and_then(|()| err.flush());
+        // Progress is optional: standard error may be closed.
+        let _ = write!(err, "{begin}{what} {done} of {of} ({percent:.1} %){end}");
     }
 }
 
@@ -55,6 +51,14 @@ fn results(count: u64, bytes: u64) -> String {
 /// Makes the directory of a file. Whether the file can be written is known when the command begins to write it.
 fn prepare(file: &Path) -> Result<(), String> {
     make_parent(file).map_err(|error| format!("cannot write {}: {error}", file.display()))
+}
+
+/// Says what is in a file that a command has written. After standard output, on standard error.
+fn written(file: &Path, what: &str) -> Result<(), Error> {
+    if file.as_os_str() == "-" {
+        return Ok(writeln!(io::stderr(), "standard output: {what}")?);
+    }
+    print(format!("{}: {what}\n", file.display()).as_bytes())
 }
 
 /// Writes results to a file.
@@ -78,18 +82,11 @@ pub fn export(settings: &Export) -> Result<(), Error> {
     let progress = &mut |done: usize, of| progress(done as f64, of);
     let done = block_on(store::export(place, file, &search, keys, progress))?;
     for key in &done.left_out {
-        writeln!(
-            io::stderr(),
+        say(&format!(
             "left out {key}: it is damaged, or was evicted during the export; submitting its scenario computes it again"
-        )?;
+        ));
     }
-    let name = if is_stdout { Path::new("standard output") } else { file };
-    let line = format!("{}: {}\n", name.display(), results(done.results, done.bytes));
-    if is_stdout {
-        io::stderr().write_all(line.as_bytes())?;
-    } else {
-        print(line.as_bytes())?;
-    }
+    written(file, &results(done.results, done.bytes))?;
     Ended::with(if done.left_out.is_empty() { 0 } else { 2 })
 }
 
@@ -115,18 +112,16 @@ pub fn import(settings: &Import) -> Result<(), Error> {
         writeln!(io::stderr(), "{key} keeps its note, which differs from the one in the file")?;
     }
     if missing > 0 {
-        writeln!(
-            io::stderr(),
+        say(&format!(
             "the file has {missing} fewer results than its first line announces: it was cut, lines were removed, or the export \
              left them out"
-        )?;
+        ));
     }
     if unverified > 0 {
-        writeln!(
-            io::stderr(),
+        say(&format!(
             "{unverified} of the imported results are not verified: an earlier version of the engine computed them, or \
              it takes longer than --verify-time to compute them again"
-        )?;
+        ));
     }
     let (stored, failed, kept) = (results(count, bytes), refused.len(), other_notes.len());
     let name = if file.as_os_str() == "-" { Path::new("standard input") } else { file };
@@ -149,10 +144,9 @@ fn contents(saved: &Saved) -> String {
 /// Prints the keys of the damaged results to standard error. The exit code is 2 if there are any.
 fn name_damaged(saved: &Saved) -> Result<(), Error> {
     for key in &saved.damaged {
-        writeln!(
-            io::stderr(),
+        say(&format!(
             "left out {key}: it is damaged; its scenario is kept, and submitting it computes the result again"
-        )?;
+        ));
     }
     Ended::with(if saved.damaged.is_empty() { 0 } else { 2 })
 }
@@ -203,30 +197,25 @@ pub fn backup(settings: &Backup) -> Result<(), Error> {
     if is_stdout && (keep.is_some() || io::stdout().is_terminal()) {
         return Err("a backup is a database, not for a terminal, and --keep needs a directory: name a file or a directory".into());
     }
-    let is_slash = place.to_string_lossy().ends_with('/');
     // No file system of Windows accepts colons.
     let name = format!("{DATED}{}.db", clock::rfc3339(clock::now()).replace(':', ""));
-    let file = match () {
-        () if is_stdout => env::temp_dir().join(&name),
-        () if keep.is_some() || place.is_dir() || is_slash => place.join(&name),
-        () => place.clone(),
-    };
+    let target = if is_stdout { &env::temp_dir() } else { place };
+    make_directory(target, keep.is_none())?;
+    let file = inside(target, Path::new(&name), "db");
     prepare(&file)?;
     let saved = block_on(store::backup(dir, &file))?;
     if is_stdout {
         let mut copy = File::open(&file)?;
         fs::remove_file(&file)?;
         io::copy(&mut copy, &mut io::stdout())?;
-        writeln!(io::stderr(), "standard output: {}", contents(&saved))?;
-    } else {
-        print(format!("{}: {}\n", file.display(), contents(&saved)).as_bytes())?;
     }
+    written(if is_stdout { place } else { &file }, &contents(&saved))?;
     if let Err(error) = block_on(store::note_backup(dir)) {
         writeln!(io::stderr(), "the metrics of the server do not show this backup: {error}")?;
     }
     // Earlier backups may have what is damaged now.
     name_damaged(&saved)?;
-    let pruned = keep.map_or(Ok(()), |keep| prune(place, keep.get(), &name));
+    let pruned = keep.map_or(Ok(()), |keep| prune(place, keep.get(), &file));
     pruned.map_err(|error| {
         format!("cannot delete old backups in {}: {error}", place.display()).into()
     })
@@ -237,25 +226,17 @@ const DATED: &str = "fretwork-";
 
 /// Deletes the oldest backups of a directory, except the newest ones and the last one. Deletes what killed commands have left there
 /// before the oldest backup that stays.
-fn prune(dir: &Path, keep: usize, last: &str) -> io::Result<()> {
-    let is_time = |it: char| it.is_ascii_digit() || "-T.".contains(it);
-    let is_end = |rest: &str| {
-        let end = rest.trim_start_matches(is_time);
-        end == "Z.db" || ["Z.db.part", "Z.db.source"].iter().any(|own| end.starts_with(own))
+fn prune(dir: &Path, keep: usize, last: &Path) -> io::Result<()> {
+    let is_own = |file: &PathBuf| {
+        let (time, end) = file.file_name()?.to_str()?.strip_prefix(DATED)?.split_once("Z.db")?;
+        let is_end = end.is_empty() || end.starts_with(".part") || end.starts_with(".source");
+        Some(is_end && file.is_file() && time.bytes().all(|it| b"0123456789-T.".contains(&it)))
     };
-    let mut names = Vec::new();
-    for entry in fs::read_dir(dir)? {
-        let entry = entry?;
-        if entry.file_type()?.is_file() {
-            names.extend(entry.file_name().into_string());
-        }
-    }
-    names.retain(|name| name.strip_prefix(DATED).is_some_and(is_end));
-    names.sort();
-    let whole = names.iter().rev().filter(|name| name.ends_with("Z.db"));
+    let mut own = files_in(dir)?;
+    own.retain(|file| is_own(file) == Some(true));
+    let whole = own.iter().rev().filter(|file| file.extension() == Some("db".as_ref()));
     let Some(oldest) = whole.take(keep).last() else { return Ok(()) };
-    let old = names.iter().filter(|name| *name < oldest && *name != last);
-    old.into_iter().try_for_each(|name| fs::remove_file(dir.join(name)))
+    own.iter().filter(|file| *file < oldest && *file != last).try_for_each(fs::remove_file)
 }
 
 /// Replaces the database by a backup.

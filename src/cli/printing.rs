@@ -123,9 +123,8 @@ impl Drop for Progress {
 
 /// Says something while a command works, over the bar of the progress. An error is ignored, as that of the bar is.
 pub fn say(line: &str) {
-    let start = if io::stderr().is_terminal() { "\r" } else { "" };
-    let _ =
-        writeln!(io::stderr(), "{start}{line:<0$}", if start.is_empty() { 0 } else { WIDTH + 8 });
+    let (start, width) = if io::stderr().is_terminal() { ("\r", WIDTH + 8) } else { ("", 0) };
+    let _ = writeln!(io::stderr(), "{start}{line:<width$}");
 }
 
 /// A number of things.

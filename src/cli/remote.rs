@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 
 use super::client::{Client, escaped};
 use super::places;
-use super::printing::{Ended, Error, Progress, harmless, print};
+use super::printing::{Ended, Error, Progress, harmless, print, say};
 use super::run::{listed, read_job, write_result};
 use crate::config::{Evaluate, Get, List, OneJob, Remote, Submit};
 use fretwork_job::TaskKind;
@@ -119,10 +119,9 @@ fn connect(server: &Remote) -> Result<Client, Error> {
     let answer: Value = serde_json::from_slice(&reply.body).unwrap_or_default();
     if let Some(version) = answer["version"].as_str().filter(|version| *version != own) {
         let version = harmless(version);
-        writeln!(
-            io::stderr(),
+        say(&format!(
             "warning: the server is of version {version}, and this program of version {own}"
-        )?;
+        ));
     }
     Ok(client)
 }

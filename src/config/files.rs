@@ -46,7 +46,8 @@ pub struct Import {
 pub struct Backup {
     /// The file to write, which must not exist; a directory, in which the file gets the time as its name; or - for standard output.
     pub file: PathBuf,
-    /// Keep this number of backups in the directory. Deletes the oldest others after a backup of a sound database.
+    /// Keep this number of backups in the directory, which each database needs for itself. Deletes the oldest others after a backup of a
+    /// sound database.
     #[arg(long, value_name = "COUNT")]
     pub keep: Option<NonZeroUsize>,
     /// The database to copy.

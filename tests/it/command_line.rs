@@ -358,7 +358,9 @@ fn the_doctor_finds_keys_versions_and_clocks_that_are_wrong() {
     let (code, said) = examined(&address, &[]);
     assert_eq!(code, Some(2));
     assert!(
-        said.contains("fails  key: the server answers 401 instead of its metrics. After 401"),
+        said.contains(
+            "\nfails  server: This server requires an access key. Enter a key in FRETWORK_KEY "
+        ),
         "{said}"
     );
     let (code, said) = examined(&address, &["--key", &key]);
@@ -386,4 +388,9 @@ fn the_doctor_finds_keys_versions_and_clocks_that_are_wrong() {
     ] {
         assert!(said.contains(bad), "{bad}: {said}");
     }
+    let (port, _) = answering(None, &[full, none, none]);
+    let (code, said) = examined(&format!("http://127.0.0.1:{port}"), &[]);
+    let last = said.lines().last().unwrap();
+    assert!(last.starts_with("fails  server: the server answers 404. Check FRETWORK_URL. The"));
+    assert_eq!(code, Some(2));
 }
