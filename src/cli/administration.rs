@@ -42,18 +42,23 @@ pub fn audit(data: &Data) -> Result<(), Error> {
     print((heading + &lines).as_bytes())
 }
 
-/// What a command reads or changes in an existing database.
-async fn of<T>(
-    data: &Data,
-    command: impl AsyncFnOnce(&mut Administration) -> store::Result<T>,
-) -> Result<T, Error> {
+/// The place of a database that exists.
+pub fn existing(data: &Data) -> Result<Place, Error> {
     let place = data.place()?;
     if !Administration::is_at(&place) {
         return Err(
             format!("{place} contains no database; name its directory with --data-dir").into()
         );
     }
-    let mut tables = Administration::open(place).await?;
+    Ok(place)
+}
+
+/// What a command reads or changes in an existing database.
+async fn of<T>(
+    data: &Data,
+    command: impl AsyncFnOnce(&mut Administration) -> store::Result<T>,
+) -> Result<T, Error> {
+    let mut tables = Administration::open(existing(data)?).await?;
     let done = command(&mut tables).await?;
     tables.close().await?;
     Ok(done)

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use bytesize::ByteSize;
 
+use super::administration::existing;
 use super::places::{files_in, inside, make_directory, make_parent};
 use super::printing::{Ended, Error, counted, harmless, print, say};
 use super::runtime::block_on;
@@ -68,7 +69,7 @@ pub fn export(settings: &Export) -> Result<(), Error> {
         search.set(name, value)?;
     }
     let Export { file, keys, data, .. } = settings;
-    let place = data.place()?;
+    let place = existing(data)?;
     let is_stdout = file.as_os_str() == "-";
     if is_stdout && io::stdout().is_terminal() {
         return Err(
@@ -199,6 +200,7 @@ pub fn backup(settings: &Backup) -> Result<(), Error> {
     }
     // No file system of Windows accepts colons.
     let name = format!("{DATED}{}.db", clock::rfc3339(clock::now()).replace(':', ""));
+    existing(&settings.data)?;
     let target = if is_stdout { &env::temp_dir() } else { place };
     make_directory(target, keep.is_none())?;
     let file = inside(target, Path::new(&name), "db");

@@ -574,7 +574,11 @@ async fn export_import_backup_and_restore_report_results_and_errors() {
         &run(&["export", &path("x.zst"), "--key", &zeros, "--data-dir", data], ""),
         "there is no result with the key",
     );
-    fails(&run(&["export", &path("x.zst"), "--data-dir", &path("nowhere")], ""), "there is no");
+    for command in ["export", "backup"] {
+        let output = run(&[command, &path("made/x"), "--data-dir", &path("nowhere")], "");
+        fails(&output, "nowhere contains no database");
+        assert!(!dir.path().join("made").exists(), "{command}");
+    }
     let refused = run(&["export", &path("x.zst"), "shape=cube", "--data-dir", data], "");
     assert!(
         String::from_utf8_lossy(&refused.stderr).contains("must be one of paraboloid"),
