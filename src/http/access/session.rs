@@ -90,7 +90,7 @@ impl Unencrypted {
         tracing::warn!(
             %client,
             "a browser signed in without TLS, so others in its network could read the key and the cookie: use a proxy \
-            with TLS that sends X-Forwarded-Proto, as deploy/haproxy.cfg does, and pass its address to --trusted-proxy"
+            with TLS that sends X-Forwarded-Proto, as deploy/haproxy-single.cfg does, and pass its address to --trusted-proxy"
         );
     }
 }
