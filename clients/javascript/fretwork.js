@@ -112,6 +112,9 @@ export class Client {
       } catch (error) {
         // A lost connection is a TypeError.
         if (signal?.aborted || !(error instanceof TypeError)) throw error;
+        const { code, message } = error.cause ?? {};
+        // Only Node.js tells it.
+        if (/CERT|SIGNATURE/.test(code)) throw new Unreachable(`${this.#base} is not trusted: ${message}. Name the certificates of your own authority in NODE_EXTRA_CA_CERTS.`, { cause: error });
         failed = new Unreachable(`${this.#base} does not answer. Check that the server runs, and if a page of another origin calls it, its option --cors-origin.`, { cause: error });
         if (!this.#hasAnswered) left = Math.min(left, 1000 * FIRST_PATIENCE);
       }

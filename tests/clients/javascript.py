@@ -7,9 +7,11 @@ streams, and a server that is killed.
 import functools
 import http.server
 import json
+import os
 import pathlib
 import re
 import shutil
+import ssl
 import subprocess
 import sys
 import tempfile
@@ -85,6 +87,31 @@ class Files(http.server.SimpleHTTPRequestHandler):
         pass
 
 
+def certificates():
+    """In Node.js, the error names an unknown certificate and the variable, which makes the same certificate known."""
+    with tempfile.TemporaryDirectory() as made:
+        file = pathlib.Path(made, "certificate.pem")
+        words = "req -x509 -newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -subj /CN=test -addext subjectAltName=DNS:localhost"
+        run("openssl", *words.split(), "-keyout", file, "-out", file, stderr=subprocess.DEVNULL)
+        pathlib.Path(made, "thing.json").write_text("{}")
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        context.load_cert_chain(file)
+        with http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Files, directory=made)) as server:
+            server.socket = context.wrap_socket(server.socket, server_side=True)
+            threading.Thread(target=server.serve_forever, daemon=True).start()
+            script = f"""
+                const {{ Client }} = await import({json.dumps(str(MODULE / "fretwork.js"))});
+                const answer = new Client("https://localhost:{server.server_address[1]}").request("/thing.json");
+                console.log(await answer.then(JSON.stringify, (error) => error.message));"""
+            ask = lambda **known: subprocess.run(
+                ["node", "--input-type=module", "--eval", script], env=os.environ | known, capture_output=True, text=True, check=True).stdout
+            refused = ask()
+            assert "certificate" in refused and refused.endswith("in NODE_EXTRA_CA_CERTS.\n"), refused
+            assert ask(NODE_EXTRA_CA_CERTS=file) == "{}\n"
+            server.shutdown()
+    print("the module names an unknown certificate", flush=True)
+
+
 def chromium(own, pages, jobs):
     def restart():
         own.kill()
@@ -105,6 +132,7 @@ def main(program):
     with tempfile.TemporaryDirectory() as made:
         directory = pathlib.Path(made)
         types(directory)
+        certificates()
         shutil.copy(ROOT / "tests/clients/javascript.mjs", directory)
         (directory / "page.html").write_text("<!doctype html><title>A page</title>")
         with http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Files, directory=directory)) as files:

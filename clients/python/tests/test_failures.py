@@ -1,8 +1,12 @@
 """Lost connections, killed servers and busy servers."""
 
 import asyncio
+import http.server
 import json
 import pathlib
+import ssl
+import subprocess
+import threading
 from collections.abc import Callable, Iterator
 from typing import cast
 
@@ -289,6 +293,43 @@ def test_a_lost_server_is_told_at_once(caplog: pytest.LogCaptureFixture, ball: S
     (said,) = caplog.messages
     assert said.startswith("The server does not answer: http://127.0.0.1:9: ")
     assert said.endswith("Trying again for 3 s")
+
+
+class Empty(http.server.BaseHTTPRequestHandler):
+    """Answers with an empty object."""
+
+    def do_GET(self) -> None:
+        self.send_response(200)
+        self.send_header("Content-Type", "application/json")
+        self.end_headers()
+        self.wfile.write(b"{}")
+
+    def log_message(self, *_: object) -> None:
+        pass
+
+
+@pytest.fixture
+def encrypted(tmp_path: pathlib.Path) -> Iterator[tuple[str, str]]:
+    """The address of a server with TLS, and the file with its certificate."""
+    file = str(tmp_path / "certificate.pem")
+    words = "req -x509 -newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes -subj /CN=test -addext subjectAltName=DNS:localhost"
+    subprocess.run(["openssl", *words.split(), "-keyout", file, "-out", file], check=True, capture_output=True)
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.load_cert_chain(file)
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Empty) as server:
+        server.socket = context.wrap_socket(server.socket, server_side=True)
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"https://localhost:{server.server_port}", file
+        server.shutdown()
+
+
+def test_an_unknown_certificate_is_named(encrypted: tuple[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
+    url, file = encrypted
+    with Client(url, "") as client, pytest.raises(ServerUnreachable, match=r"certificate.* SSL_CERT_FILE\.$"):
+        client.request("GET", "/v1/me")
+    monkeypatch.setenv("SSL_CERT_FILE", file)
+    with Client(url, "") as client:
+        assert client.request("GET", "/v1/me") == {}
 
 
 def test_a_request_that_may_be_done_is_not_sent_again() -> None:

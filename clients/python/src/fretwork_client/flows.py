@@ -190,6 +190,9 @@ def attempt(request: Request, patience: Patience) -> Flow[Answer | None]:
     try:
         answer = yield request
     except Lost as lost:
+        if "CERTIFICATE_VERIFY_FAILED" in str(lost):
+            advice = "Name the certificates of your own authority in SSL_CERT_FILE."
+            raise ServerUnreachable(f"The server is not trusted: {lost}. {advice}") from None
         spent, is_first = time.monotonic() - max(began, patience.heard), patience.tries == 0
         pause = patience.pause(unreachable(f"The server did not answer: {lost}"), is_new=lost.is_new, spent=spent)
         if is_first:
