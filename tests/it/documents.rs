@@ -254,6 +254,10 @@ async fn the_server_shows_every_document_with_links_that_work() {
     assert!(checked > 40, "{checked}");
     let page = server.get("/docs/verification").await;
     assert!(page.text().contains("<td class=\"number\">"), "numbers are right-aligned");
+    let file = read("deploy/haproxy-single.cfg");
+    let page = server.get(&format!("/docs/{}", file.path)).await;
+    assert_eq!(page.header("content-type"), Some("text/plain; charset=utf-8"));
+    assert_eq!(page.text(), file.text);
     server.get("/docs/no-such-page").await.problem(404, "not-found");
     assert_eq!(server.get("/docs").await.header("location"), Some("/docs/"));
 }

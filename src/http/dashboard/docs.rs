@@ -1,7 +1,7 @@
 //! The documents of the project as pages. They are part of the program, so they work without a network.
 //!
 //! Links between the documents lead to files in the repository. A page has links to other pages instead. A link to a
-//! file that has no page is only text. Files that are no documents are served as they are.
+//! file that has no page is only text. Files of `deploy` are pages as they are.
 
 use std::collections::HashSet;
 use std::sync::LazyLock;
@@ -76,11 +76,12 @@ const POLICY: &str = "default-src 'none'; style-src 'self'; img-src 'self'; fram
 static ASSETS: Assets = Assets {
     all: LazyLock::new(|| {
         let page = |(path, text): &(&str, &str)| {
-            let (media_type, text) = match path.ends_with(".md") {
-                true => ("text/html; charset=utf-8", render(path, text)),
-                false => ("text/plain; charset=utf-8", (*text).to_owned()),
-            };
-            Asset::new(name_of(path), media_type, text.as_bytes())
+            if path.starts_with("deploy/") {
+                Asset::new(name_of(path), "text/plain; charset=utf-8", text.as_bytes())
+            } else {
+                let text = render(path, text);
+                Asset::new(name_of(path), "text/html; charset=utf-8", text.as_bytes())
+            }
         };
         PAGES.iter().map(page).collect()
     }),
