@@ -124,11 +124,13 @@ async fn a_new_name_replaces_the_label_and_the_tags(on: Engine) {
 async fn a_result_is_listed_with_its_latest_label(on: Engine) {
     let (_db, store) = Database::fresh(on).await;
     let first = computed(&store, 1, "first", &["x"]).await;
-    let named = async |owner: Option<&str>| {
-        let search = Search::within(reach(owner));
+    let found = async |owner: Option<&str>, name: &str, value: &str| {
+        let mut search = Search::within(reach(owner));
+        search.set(name, value).unwrap();
         let mut results = store.search(&search, None, 10).await.unwrap().results;
         results.pop().unwrap().named.map(|named| (named.job, named.label, named.tags))
     };
+    let named = async |owner| found(owner, "q", "").await;
     let is = |id, label: &str, tag: &str| Some((id, Some(label.into()), vec![tag.into()]));
     assert_eq!(named(None).await, is(first, "first", "x"));
     // A later job without a label does not hide the label.
@@ -144,6 +146,23 @@ async fn a_result_is_listed_with_its_latest_label(on: Engine) {
     assert_eq!(named(Some("carl")).await, is(shared, "bob's", "z"));
     assert_eq!(named(None).await, is(shared, "bob's", "z"));
     assert_eq!(named(Some("ada")).await, is(second, "second", "y"));
+    // A search for a name shows the name that it finds, an own one first.
+    for (name, value) in [("q", "FIR"), ("q", "x"), ("tag", "x"), ("label", "first")] {
+        assert_eq!(found(Some("ada"), name, value).await, is(first, "first", "x"), "{value}");
+    }
+    for (name, value) in [("q", "z bob"), ("tag", "z"), ("label", "bob's")] {
+        assert_eq!(found(Some("ada"), name, value).await, is(shared, "bob's", "z"), "{value}");
+    }
+    store
+        .rename(
+            shared,
+            Naming { label: Some(Some("second".into())), ..Naming::default() },
+            annotator("bob").by,
+        )
+        .await
+        .unwrap();
+    assert_eq!(found(Some("ada"), "q", "second").await, is(second, "second", "y"));
+    assert_eq!(found(Some("bob"), "q", "second").await, is(shared, "second", "z"));
     store.delete(shared, annotator("bob").by).await.unwrap();
     let unnamed = Naming { label: Some(None), ..Naming::default() };
     for id in [first, second] {

@@ -37,8 +37,8 @@ pub struct ResultEntry {
     evicted: Option<String>,
     /// Its note.
     note: Option<Note>,
-    /// The id of the job that has this label and these tags: the latest own job with a label, else the latest job with a label,
-    /// else the latest job. Null if the caller may see no job of the result.
+    /// The id of the job that has this label and these tags: the one that the search found by its label or tags, else the
+    /// latest own job with a label, else the latest job with a label, else the latest job. Null if the caller may see no job of the result.
     #[schema(value_type = Option<String>, format = "uuid")]
     job: Option<JobId>,
     /// The label of this job.

@@ -64,7 +64,7 @@ const SCRIPTS: &[File] = scripts!(
     // The form and the page of a fit.
     "fit": "figures" "form" "names" "page";
     // A job while it runs, and its result.
-    "run": "again" "details" "estimate" "headline" "profile-menu" "result" "run" "runs" "section"
+    "run": "again" "details" "estimate" "figure-3" "headline" "profile-menu" "result" "run" "runs" "section"
         "sketch" "smooth" "so-far" "warnings";
     // The comparison of runs.
     "compare": "compare" "figures" "rows" "table";

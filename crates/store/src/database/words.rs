@@ -86,6 +86,11 @@ impl Statement {
             .push(" FROM job")
             .push_either(" INDEXED BY job_named", "");
         self.push(" WHERE (label IS NOT NULL OR tags <> '[]')").job_within(reach);
+        self.name_has_words(words, reach)
+    }
+
+    /// Adds the condition on a job that its label, its tags or the note of its result have each word.
+    pub(crate) fn name_has_words(&mut self, words: &Words, reach: &Reach) -> &mut Self {
         for word in &words.0 {
             self.push(" AND (").contains("label", word).push(" OR ");
             // The column `tags` is JSON, which has these signs itself.

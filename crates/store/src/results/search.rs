@@ -316,6 +316,24 @@ impl Search {
         }
     }
 
+    /// Whether the search has a condition on the label or the tags of a job.
+    fn is_by_name(&self) -> bool {
+        self.label.is_some() || self.tag.is_some() || self.text != Words::default()
+    }
+
+    /// Writes these conditions on `job`, which has a label or tags.
+    fn found_name(&self, query: &mut Statement) {
+        query.push(" AND (label IS NOT NULL OR tags <> '[]')");
+        if let Some(label) = &self.label {
+            query.push(" AND label = ").push_bind(&**label);
+        }
+        if let Some(tag) = &self.tag {
+            query.push(" AND id IN (SELECT job FROM job_tag WHERE tag = ").push_bind(&**tag);
+            query.push(")");
+        }
+        query.name_has_words(&self.text, &self.reach);
+    }
+
     /// Writes the condition that a job with this label, tag or owner has the key of the result.
     fn with_job(
         &self,
@@ -420,7 +438,8 @@ pub struct Listed {
     pub evicted: Option<i64>,
     /// Its note.
     pub note: Option<Note>,
-    /// The job whose label and tags describe it: the latest job with a label, else the latest job.
+    /// The job whose label and tags describe it: the one that the search found by its label or tags, else the latest job with a label, else
+    /// the latest job.
     pub named: Option<Named>,
     /// The design of a sweep, such as `latin_hypercube`.
     pub design: Option<String>,
@@ -534,14 +553,24 @@ pub(crate) fn page(search: &Search, cursor: Option<Cursor>, limit: u32) -> State
          JOIN result ON result.key = result_task.key",
     );
     query.join_note(&search.reach.owner).push(" LEFT JOIN job AS named ON named.id = coalesce(");
-    // A caller sees its own name first.
+    // A search for names shows the name that it found. A caller sees its own name first.
     let own = Reach { jobs: Seen::Own, ..search.reach.clone() };
-    let named = " AND label IS NOT NULL";
-    for (condition, reach) in [(named, &own), (named, &search.reach), ("", &search.reach)] {
-        query.push("(SELECT id FROM job WHERE job.key = result.key").push(condition);
+    let reaches = [&own, &search.reach];
+    let mut alternative = |reach: &Reach, condition: &dyn Fn(&mut Statement)| {
+        query.push("(SELECT id FROM job WHERE job.key = result.key");
+        condition(&mut query);
         query.job_within(reach);
         query.push(" ORDER BY id DESC LIMIT 1), ");
+    };
+    for reach in reaches.into_iter().filter(|_| search.is_by_name()) {
+        alternative(reach, &|query| search.found_name(query));
     }
+    for reach in reaches {
+        alternative(reach, &|query| {
+            query.push(" AND label IS NOT NULL");
+        });
+    }
+    alternative(&search.reach, &|_| ());
     query.push("NULL)");
     order(&mut query, search);
     query

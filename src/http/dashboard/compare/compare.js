@@ -10,7 +10,7 @@ import { playButton } from "../figure/player.js";
 import { PROFILES } from "../figure/run.js";
 import { saveAs } from "../figure/save.js";
 import { createLink, linkEnd, sharing } from "../library/actions.js";
-import { jobsOf, loadResult } from "../library/stored.js";
+import { jobsOf, jobWithSubmitted, loadResult } from "../library/stored.js";
 import { entryOf, kindOf, labelOf, title } from "../library/summary.js";
 import { smooth } from "../run/smooth.js";
 import { COLUMNS, drawHistories, drawLoops, drawProfiles } from "./figures.js";
@@ -38,8 +38,9 @@ async function load(run, signal) {
     if (kindOf(result)) return { ...run, fault: "It is a study. A comparison shows runs." };
     const [ink, dash] = LINES[run.letter];
     const nameFrom = (own) => run.name || labelOf(own) || title(entryOf(result));
+    const job = await jobWithSubmitted(jobs[0]?.id, signal);
     // A guest gets no private name.
-    return { ...run, ink, dash, result, name: nameFrom(jobs), nameForGuests: nameFrom(jobs.filter((job) => !job.private)),
+    return { ...run, ink, dash, result, submitted: job?.submitted, name: nameFrom(jobs), nameForGuests: nameFrom(jobs.filter((job) => !job.private)),
       address: `#/result/${run.key}${run.link ? `?${new URLSearchParams({ link: run.link, ...(run.name && { label: run.name }) })}` : ""}` };
   } catch (problem) {
     if (!(problem instanceof Problem)) throw problem;

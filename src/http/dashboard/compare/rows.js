@@ -108,7 +108,7 @@ export function whatDiffers(inputs, i) {
  * of the contact have the names of the first run.
  */
 export function rowsOf(runs) {
-  const inputs = inputRows(runs.map(({ result }) => result.scenario)).map(({ values, texts, ...row }) => ({ ...row,
+  const inputs = inputRows(runs.map(({ result }) => result.scenario), runs.map(({ submitted }) => submitted)).map(({ values, texts, ...row }) => ({ ...row,
     cells: values.map((value, i) => ({ value, text: texts[i] })) }));
   const [volume, depth, energy, ratio, ...others] = OUTPUTS.map((output) => outputRow(output, runs));
   const outputs = [cyclesRow(runs), volume, depth, energy, ratio, regimeRow(runs), ...others].filter((row) => row && !row.isHidden);

@@ -9,7 +9,7 @@ const heading = ({ name, symbol, scale, errors }) => h("th", { scope: "row" }, n
   scale?.unit && h("span", { class: "muted" }, ` (${scale.unit})`), errors && h("span", { class: "small" }, errors));
 
 const cellOf = (id) => ({ text, errors, difference, isMost }, i, [first]) => h("td", { "data-cell": `${id} ${i}`, class: text === "–" || (i > 0 && text === first.text) ? "same" : null },
-  h("span", { class: "number" }, text), isMost && h("span", { class: "state" }, "highest"),
+  h("span", { class: "number" }, text.replace(/\u00a0(?=\D)/, " ")), isMost && h("span", { class: "state" }, "highest"),
   difference && h("span", { class: "delta" }, difference.text, difference.isSmall && h("span", { class: "small" }, " within the errors")),
   errors && h("span", { class: "small" }, errors));
 

@@ -59,10 +59,11 @@ const INKS = [1, 2, 3, 5, 7, 8];
 const LATER = [undefined, "long-dashed", "dash-dotted", "short-dashed"];
 
 /** The curves of some rows, and dotted beside them those of another method. */
-function curvesOfRows({ profiles }, name, rows, { other, label }) {
+function curvesOfRows({ profiles, scales }, name, rows, { other, label, scale }) {
   const { radius: x, cycles: outputs } = profiles;
+  const nameAt = (at) => (scale === "ratio" && scales.cycles ? `N/N₀ = ${digits(at / scales.cycles, 3)}` : `N = ${cycles(at)}`);
   return rows.flatMap((i, place) => {
-    const own = { name: outputs[i] > 0 ? `N = ${cycles(outputs[i])}` : "Unworn", cycle: outputs[i], x, y: profiles[name][i], ink: INKS[place % INKS.length], isMain: true,
+    const own = { name: outputs[i] > 0 ? nameAt(outputs[i]) : "Unworn", cycle: outputs[i], x, y: profiles[name][i], ink: INKS[place % INKS.length], isMain: true,
       dash: LATER[Math.floor(place / INKS.length) % LATER.length], label };
     // The other run may have ended earlier, and the unworn contact is the same.
     const row = outputs[i] > 0 && other ? other.profiles.cycles.indexOf(outputs[i]) : -1;
@@ -73,15 +74,15 @@ function curvesOfRows({ profiles }, name, rows, { other, label }) {
 }
 
 /** The curves of one run: of chosen output cycles, or of the shown one, with the others and the unworn state; and on top the limit. */
-function profileCurves(result, name, { row, chosen = [], other }) {
+function profileCurves(result, name, { row, chosen = [], other, hasLimit = true, scale }) {
   const { radius: x, initial, limiting, cycles: outputs, [name]: rows } = result.profiles;
   const isWorn = name === "worn";
   const others = chosen.length ? [] : spread(outputs.map((_, i) => i).filter((i) => i !== row && outputs[i] > 0), MAX_OTHERS);
   const curves = others.map((i) => ({ name: "", column: `N = ${cycles(outputs[i])}`, cycle: outputs[i], x, y: rows[i], ink: 6, faint: true }));
   if (!chosen.length && outputs[row] > 0) curves.push({ name: "Unworn", cycle: 0, x, y: isWorn ? initial : rows[0], ink: 4, dash: "dashed", label: "apart" });
   // Chosen curves and those of two methods often coincide, so that their names stand in a legend.
-  curves.push(...curvesOfRows(result, name, chosen.length ? chosen : [row], { other, label: chosen.length || other ? "legend" : "apart" }));
-  if (limiting && (isWorn || name === "wear")) {
+  curves.push(...curvesOfRows(result, name, chosen.length ? chosen : [row], { other, scale, label: chosen.length || other ? "legend" : "apart" }));
+  if (hasLimit && limiting && (isWorn || name === "wear")) {
     curves.push({ name: "Limit", x, y: isWorn ? limiting : limiting.map((height, i) => height - initial[i]), ink: 9, dash: "dash-dot-dotted", label: "apart" });
   }
   return curves;
@@ -114,11 +115,11 @@ function besideWords({ history, units, scenario }, other, at) {
   return `${other.name} beside the ${WORDS[scenario.model.method].toLowerCase()} at N\u00a0=\u00a0${cycles(at)}: ${words.join("; ")}. `;
 }
 
-export function drawProfile(figure, outside, result, { plot: name, row, chosen = [], other, scale }) {
+export function drawProfile(figure, outside, result, { plot: name, row, chosen = [], other, hasLimit, scale }) {
   if (!result.profiles) return;
   const { profiles, units, scenario } = result;
   const letter = isLine(scenario.profile) ? "x" : "r";
-  const curves = profileCurves(result, name, { row, chosen, other });
+  const curves = profileCurves(result, name, { row, chosen, other, hasLimit, scale });
   const range = rangeOf(result, name);
   const [peak, radius] = curves.filter(({ isMain }) => isMain).flatMap(({ y, x }) => y.map((own, i) => [own, x[i]])).reduce((most, own) => (own[0] > most[0] ? own : most), [-Infinity]);
   outside.textContent = besideWords(result, other, profiles.cycles[chosen.at(-1) ?? row]) + (range && peak > range[1] * 1.0001
@@ -167,12 +168,12 @@ export function drawHistory(figure, missing, result, { history, log, at }) {
 }
 
 /** The curves of a loop: unloading is dashed, and arrows show the direction. */
-function loopCurves({ loops }, row) {
+function loopCurves({ loops }, row, label) {
   const all = branches(loops.displacement[row], loops.tangential_force[row]);
   const curves = all.slice(0, MAX_BRANCHES).map(({ x, y, direction }, i) => {
     const name = direction > 0 ? "Loading" : "Unloading";
     return { x, y, ink: 1, direction, name: i > 1 ? "" : name, column: i > 1 ? `${name} ${i + 1}` : name, dash: direction > 0 ? undefined : "dashed",
-      label: "middle", below: direction < 0 };
+      label, below: direction < 0 };
   });
   return { curves, truncated: all.length > MAX_BRANCHES ? ` (first ${MAX_BRANCHES} of ${all.length} branches)` : "" };
 }
@@ -182,7 +183,7 @@ export function drawLoop(figure, ratios, result, at) {
   if (!loops?.cycles.length) return;
   const row = nearest(loops.cycles, at);
   const isDrawn = isKnown(loops.displacement[row]);
-  const { curves, truncated } = isDrawn ? loopCurves(result, row) : { curves: [], truncated: "" };
+  const { curves, truncated } = isDrawn ? loopCurves(result, row, figure.height ? "legend" : "middle") : { curves: [], truncated: "" };
   const known = RATIOS.filter((name) => loops[name]?.[row] != null)
     .flatMap((name, i) => [i > 0 && ", ", term(name, result.scenario), `\u00a0=\u00a0${digits(loops[name][row], 3)}`]);
   fill(ratios, !isDrawn && [notDrawn(["Fretting loop"]), " "], known);

@@ -148,7 +148,7 @@ export function saving(name, drawn, table, figure) {
     h("div", { class: "row" },
       button("SVG", async () => saveAs(`${name()}.svg`, await drawn(size()), "image/svg+xml")),
       button("PNG", async () => saveAs(`${name()}.png`, await pictureOf(await drawn(size()), size(), Math.min(Math.max(Number(dpi.value) || 300, 36), 1200)))),
-      button("PDF", async () => printAlone(name(), await drawn(size()), size())),
+      button("PDF (print)", async () => printAlone(name(), await drawn(size()), size())),
       table && button("CSV", () => saveAs(`${name()}.csv`, table(), "text/csv")))));
   return menu;
 }

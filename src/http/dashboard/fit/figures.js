@@ -8,6 +8,8 @@ import { symbolAt, unitAt, wordsOf } from "./names.js";
 
 /** Colours of the tests, in turn. */
 const INKS = [1, 2, 3, 5, 7, 8];
+/** That of numbers which the fit left out. */
+const OUT = 6;
 /** More tests would hide each other's bands of new tests. */
 const WITH_PREDICTION = 2;
 /** A residual within this many standard deviations is usual. */
@@ -15,6 +17,16 @@ const USUAL = 2;
 
 /** The rows of a table of the fit as objects. */
 export const rowsOf = (table) => table.x.map((_, i) => Object.fromEntries(Object.keys(table).map((name) => [name, table[name][i]])));
+
+/** The pointers of all measured numbers, in the order of the table. */
+export const pointersOf = ({ tests }) => tests.flatMap(({ data }, i) => data.flatMap((own, j) => Object.entries(own).flatMap(([name, values]) =>
+  (["y", "depth"].includes(name) ? values.map((_, k) => `/tests/${i}/data/${j}/${name}/${k}`) : []))));
+
+/** The rows of the measured numbers; `isOut` are those that the fit left out. */
+export function measuredRows({ fit, table }) {
+  const pointers = pointersOf(fit);
+  return rowsOf(table).map((row, i) => ({ ...row, isOut: Boolean(fit.without?.includes(pointers[i])) })).filter(({ measured }) => measured != null);
+}
 
 /** The outputs that were measured, each with the quantity on its x axis, its tests, and the number of its points. */
 export function groupsOf({ table }) {
@@ -40,21 +52,23 @@ const measuredCurve = (rows, test, i, name = "measured") => ({ name: test, x: co
   ...(name === "measured" && { errors: column(rows, "deviation") }) });
 
 /** The curve of a group with its bands, and the measured numbers. */
-export function dataFigure({ fit, table, bands }, { output, over, unit, tests }) {
-  const own = (rows) => rowsOf(rows).filter((row) => row.output === output && row.over === over);
-  const [measured, grid] = [own(table), own(bands)];
+export function dataFigure(result, { output, over, unit, tests }) {
+  const { fit, table, bands } = result;
+  const own = (rows) => rows.filter((row) => row.output === output && row.over === over);
+  const [measured, grid, points] = [own(rowsOf(table)), own(rowsOf(bands)), own(measuredRows(result))];
   const level = `${digits(100 * fit.confidence, 3)}\u00a0%`;
   const curves = tests.flatMap((test, i) => {
     // The curve goes through the computed points of the data, too.
     const line = rowsOfTest([...grid, ...measured], test).filter(({ predicted }) => predicted != null);
-    const [data, ink, x] = [rowsOfTest(measured, test).filter((row) => row.measured != null), INKS[i % INKS.length], column(line, "x")];
+    const [data, out] = [false, true].map((isOut) => rowsOfTest(points, test).filter((row) => row.isOut === isOut));
+    const [ink, x] = [INKS[i % INKS.length], column(line, "x")];
     const band = (name, words, rows) => ({ name: tests.length > 1 ? "" : words, column: `${test}: ${words}`, x: column(rows, "x"), y: column(rows, "predicted"), ink, line: false,
       label: "none", band: { low: column(rows, `${name}_low`), high: column(rows, `${name}_high`) } });
     // At a measured point, the band of new tests has the error of that point. Between them, it has the mean error of the set.
     const even = rowsOfTest(grid, test);
     return [...(tests.length <= WITH_PREDICTION ? [{ ...band("prediction", `New tests, ${level}`, even.length ? even : line), faint: true }] : []), band("confidence", `Curve, ${level}`, line),
       { name: tests.length > 1 ? "" : "Fit", column: `${test}: fit`, x, y: column(line, "predicted"), ink, label: "none" },
-      measuredCurve(data, test, i)];
+      measuredCurve(data, test, i), ...(out.length ? [{ ...measuredCurve(out, `${test}, left out`, i), errors: undefined, ink: OUT }] : [])];
   });
   return { title: `${titleOf(output)}: fit and measurements`, curves,
     axes: { x: { ...across(over), range: fromZero(measured) }, y: { title: titleOf(output), symbol: symbolOf(output), unit } } };
@@ -71,14 +85,15 @@ export function residualFigure({ table }, { output, over, tests }) {
 }
 
 /** The least sum of squares over a parameter; the interval ends where it meets the dashed level. Null without such rows. */
-export function profileFigure({ searches, quality, fit, table }, { pointer, unit, estimate, interval }) {
+export function profileFigure(result, { pointer, unit, estimate, interval }) {
+  const { searches, quality, fit } = result;
   const rows = searches.task.map((task, i) => [task, searches[pointer][i], searches.sum_of_squares[i]])
     .filter(([task, x, sum]) => (task === "minimum" || task === `profile ${pointer}`) && x != null && sum != null).sort((a, b) => a[1] - b[1]);
   if (rows.length < 3) return null;
   const x = rows.map((row) => row[1]);
   const level = quality.sum_of_squares + quality.allowed_rise;
   const words = wordsOf(pointer);
-  const count = table.measured.filter((value) => value != null).length;
+  const count = measuredRows(result).filter(({ isOut }) => !isOut).length;
   return { title: `Sum of squares of ${count} measured ${count === 1 ? "number" : "numbers"} over ${words[0].toLowerCase()}${words.slice(1)}`,
     curves: [{ name: `${digits(100 * fit.confidence, 3)}\u00a0% interval`, x: [x[0], x.at(-1)], y: [level, level], ink: 4, dash: "dashed", label: "middle" },
       { name: "", x, y: rows.map((row) => row[2]), ink: 1, points: true, label: "none" }],

@@ -13,7 +13,7 @@ import { drawSource } from "../library/derived.js";
 import { nameOf, sourceTag } from "../library/summary.js";
 import { setsOfFit } from "../measure/sets.js";
 import { placeOf } from "../measure/words.js";
-import { dataFigure, energyFigure, groupsOf, profileFigure, residualFigure, rowsOf } from "./figures.js";
+import { dataFigure, energyFigure, groupsOf, measuredRows, pointersOf, profileFigure, residualFigure, rowsOf } from "./figures.js";
 import { named, symbolAt, unitAt, wordsOf } from "./names.js";
 
 /** Rows of the table of measured numbers. */
@@ -43,10 +43,10 @@ function inWords(detail, parameters) {
   }).join("").replace(/^the/, "The");
 }
 
-/** How many numbers of each output were measured: 6 wear volumes. */
-function dataWords({ table }) {
+/** How many numbers of each output the fit used: 6 wear volumes. */
+function dataWords(result) {
   const counts = new Map();
-  for (const row of rowsOf(table)) if (row.measured != null) counts.set(row.output, (counts.get(row.output) ?? 0) + 1);
+  for (const row of measuredRows(result)) if (!row.isOut) counts.set(row.output, (counts.get(row.output) ?? 0) + 1);
   const name = (output, count) => (output === "profile.wear" ? "depths of a profile" : `${WORDS[output].toLowerCase()}${count === 1 ? "" : "s"}`);
   return [...counts].map(([output, count]) => `${count} ${name(output, count).replace(/ys$/, "ies").replace(/per cycles$/, "per cycle").replace(/energy per/, count === 1 ? "energy per" : "energies per")}`).join(", ");
 }
@@ -95,11 +95,9 @@ function correlationTable({ correlation, parameters }) {
 
 /** A measured number in words: wear volume of lab A at N = 3000. */
 const numberWords = (row) => `${lower(WORDS[row.output] ?? "Wear")} of ${row.test} at ${placeIn(row)}`;
+/** The reason of a verdict, which has the names of the API. */
+const reasonIn = ({ reason }, { table }) => rowsOf(table).reduce((text, row) => text.replace(`${row.output} of ${row.test} at ${row.x}`, numberWords(row)), reason);
 const placeIn = ({ over, x }) => placeOf({ kind: over === "radius" && "profile", over }, x);
-
-/** The pointers of all measured numbers, in the order of the table. */
-const pointersOf = ({ tests }) => tests.flatMap(({ data }, i) => data.flatMap((own, j) => Object.entries(own).flatMap(([name, values]) =>
-  (["y", "depth"].includes(name) ? values.map((_, k) => `/tests/${i}/data/${j}/${name}/${k}`) : []))));
 
 function pointTable(result, refit) {
   const rows = rowsOf(result.table);
@@ -169,7 +167,7 @@ export async function showFit(main, { key }, { job, link, trust, signal }) {
         h("ul", { id: "fit-notes" }, against.map(({ kind, detail }) => h("li", { "data-note": kind }, inWords(detail, parameters))))),
       h("section", { class: "card", "aria-label": "Estimates" }, h("h2", {}, `Estimates from ${dataWords(result)}`),
         h("dl", { class: "headline", id: "estimates" }, parameters.map((parameter) => estimateTile(parameter, result, verdict)), quality && correlationTile(result)),
-        h("p", { id: "law" }, h("strong", { class: verdict.outcome === "holds" && outliers.length ? "" : STYLES[verdict.outcome] }, verdict.verdict), ` ${inWords(verdict.reason, parameters)}`), doubtful(result, refit)),
+        h("p", { id: "law" }, h("strong", { class: verdict.outcome === "holds" && outliers.length ? "" : STYLES[verdict.outcome] }, verdict.verdict), ` ${inWords(reasonIn(verdict, result), parameters)}`), doubtful(result, refit)),
       h("div", { class: "plots" }, figures.map(([name, figure], i) => h("section", { class: "card", "aria-label": labelOf(name, i) }, figure.element,
         name === "Wear over energy" && h("p", { class: "muted" }, result.lines.map(({ weights, energy_coefficient: slope, interval, r_squared: squared }) =>
           `${weights === "equal" ? "All points equal" : "Weighted by their errors"}: α\u00a0=\u00a0${quantity(slope, "m^3/J", 3)}, ${together(interval, "m^3/J", " to ")}, R²${squaredOf(squared)}. `)))),

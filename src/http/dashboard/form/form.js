@@ -2,7 +2,7 @@
 // that vary make it a study.
 
 import { keepState } from "../page/address.js";
-import { debounced, explained, fill, h, notify, select } from "../page/dom.js";
+import { button, debounced, explained, fill, h, notify, select } from "../page/dom.js";
 import { takeDropped } from "../page/dropped.js";
 import { useLimits } from "../quantities/limits.js";
 import { may } from "../access/allowed.js";
@@ -13,6 +13,7 @@ import { kindOf, labelOf, sourceOf, sourceTag } from "../library/summary.js";
 import { choose, isPossible, jobBody, newStudy, OFFERS, studyOf, varied } from "../study/vary.js";
 import { measureForRun, showWithRun } from "../measure/measure.js";
 import { announce, drawEstimate, drawStudyEstimate } from "../run/estimate.js";
+import { FIGURE_3 } from "../run/figure-3.js";
 import { ownWarnings, visit } from "../run/warnings.js";
 import { Doubts } from "./doubts.js";
 import { Draft } from "./draft.js";
@@ -35,12 +36,6 @@ const IDLE_MS = 250;
 const LIMITED = {
   false: "These are the values of the shared result. To compute and save a run with them, sign in with an access key.",
   true: "Your access key can only read. The form checks the values. To compute and save a run, use a key with the role submit.",
-};
-
-/** What the examples of Figure 3 are, and how the other one is called. */
-const FIGURE_3 = {
-  "paper-figure-3": ["The paper prints c\u00a0=\u00a00.455\u00a0a₀ for these panels. By its equation (10), that contradicts the stick radii of panels (c) and (d), 0.652 and 0.41\u00a0a₀, and c\u00a0=\u00a00.545\u00a0a₀ agrees with both approximately: two digits were probably swapped. The printed cycles are four times these.", "paper-figure-3-printed", "Open the printed values"],
-  "paper-figure-3-printed": ["These are the printed values. By equation (10), c\u00a0=\u00a00.455\u00a0a₀ would give 0.605 and 0.220\u00a0a₀ in panels (c) and (d), where the paper prints 0.652 and 0.41\u00a0a₀.", "paper-figure-3", "Open c\u00a0=\u00a00.545\u00a0a₀"],
 };
 
 let examples = [];
@@ -91,7 +86,7 @@ export async function showForm(main, { query: asked, signal }) {
   const label = () => (isStudy() && ofRun && form.label === ofRun ? `${ofRun}: ${OFFERS[form.study.kind].title.toLowerCase()}` : form.label ?? ownLabel()).slice(0, MAX_LABEL);
 
   const canonical = h("p", { class: "warning", id: "canonical", hidden: !query.has("canonical") },
-    "The text that was typed for this run is not available. The form shows the computed values.");
+    "The text that was typed for this run is not available here: only its owner sees it. The form shows the values computed from it.");
   const notShown = h("p", { class: "warning", id: "not-shown", hidden: !query.has("study") || isStudy() },
     "The form cannot show the study in the address. It shows a single run.");
   const json = h("textarea", { id: "json", rows: 24, spellcheck: false, "aria-describedby": "json-fault", oninput: () => {
@@ -118,7 +113,7 @@ export async function showForm(main, { query: asked, signal }) {
     remember();
   } });
   const privately = h("input", { id: "privately", type: "checkbox", checked: signedIn()?.private || asked.has("private") });
-  const keep = h("button", { class: "primary", type: "submit", "aria-keyshortcuts": "Control+Enter", title: "Ctrl+Enter saves the run from every field" }, "Save");
+  const keep = h("button", { class: "primary", type: "submit", "aria-keyshortcuts": "Control+Enter", title: "Ctrl+Enter saves the run" }, "Save");
   const undoButton = h("button", { type: "button", id: "undo", title: "Undo the last change (Ctrl+Z)", onclick: () => restore(undo.undo()) }, "Undo");
   const chooseExample = select({ "": "Custom scenario", ...Object.fromEntries(examples.map(({ name, label }) => [name, label ?? name])) },
     "", { id: "example", onchange: () => showExample(chooseExample.value) });
@@ -172,6 +167,12 @@ export async function showForm(main, { query: asked, signal }) {
     undoButton.disabled = !undo.canUndo;
   }
 
+  /** Saves the example of Figure 3 and that with the printed values, and compares them. */
+  async function comparePrinted() {
+    const jobs = await Promise.all(Object.keys(FIGURE_3).map((name) => submitJob(examples.find((own) => own.name === name).body, { signal })));
+    location.hash = `#/compare?keys=${jobs.map(({ key }) => key)}&scale=ratio`;
+  }
+
   function showJson() {
     json.value = form.json ?? JSON.stringify(form.scenario, null, 2);
     jsonFault.textContent = "";
@@ -192,8 +193,8 @@ export async function showForm(main, { query: asked, signal }) {
       remember();
     }
     chooseExample.value = example()?.name ?? "";
-    const [about, other, open] = FIGURE_3[chooseExample.value] ?? [];
-    fill(aboutExample, about && [h("span", {}, about), h("button", { type: "button", class: "vary", onclick: () => showExample(other) }, open)]);
+    const [, about, other, open] = FIGURE_3[chooseExample.value] ?? [];
+    fill(aboutExample, about && [h("span", {}, about), h("button", { type: "button", class: "vary", onclick: () => showExample(other) }, open), may("submit") && button("Compare both", comparePrinted, { class: "vary", title: "Saves both as runs" })]);
     if (document.activeElement !== labelField) labelField.value = label();
     const pointers = withoutField(form.scenario);
     jsonOnly.textContent = pointers.length ? `Not in the form: ${pointers.join(", ")}` : "";
@@ -372,6 +373,7 @@ export async function showForm(main, { query: asked, signal }) {
 
   /** Ctrl+Z undoes the last change of the form and Ctrl+Enter saves the run, whatever has the focus. Enter in a field does not. */
   function pressed(event) {
+    if (event.target.closest("dialog, .top")) return;
     const isCommand = event.ctrlKey || event.metaKey;
     if (event.key === "Enter" && (isCommand || event.target.matches("input"))) {
       event.preventDefault();
@@ -393,11 +395,11 @@ export async function showForm(main, { query: asked, signal }) {
   } }, "Skip to the fields");
   const side = h("div", { class: "side" }, announcement, !may("submit") && h("section", { class: "card", id: "limited" }, LIMITED[may("read")]), may("submit") && doubtful, plan, preview.element);
   main.replaceChildren(
-    h("form", { class: "maker", onsubmit: submit, noValidate: true, onkeydown: pressed },
+    h("form", { class: "maker", onsubmit: submit, noValidate: true },
       h("div", { class: "bar run" }, skip, heading,
         h("div", { class: "field", hidden: !may("read") }, h("label", { for: "example" }, "Start from"), chooseExample),
         h("div", { class: "field" }, h("label", { for: "label" }, "Name"), labelField), signedIn() && may("submit") && h("label", { class: "option",
-          title: "Others do not see this run, its name and its tags. Administrators do. The numbers of its result are in the library." }, privately, "Only I see the name"), undoButton, may("submit") && keep),
+          title: "Others do not see this run, its name and its tags. Administrators do." }, privately, h("span", {}, "Only I see the name", h("span", { class: "small" }, "The numbers stay visible to all"))), undoButton, may("submit") && keep),
       kept?.element, aboutExample,
       h("div", { class: "two" }, left, side)));
   // The unit of a number without a unit follows the choice.
@@ -406,6 +408,7 @@ export async function showForm(main, { query: asked, signal }) {
     drawDoubts();
     if (may("read")) check();
   }, { signal });
+  document.addEventListener("keydown", pressed, { signal });
   restore(form);
   isOpen = true;
   if (may("submit")) takeDropped(document, take, { signal });

@@ -115,7 +115,7 @@ export class Preview {
       if (history.stick_radius.some((own) => own > 0)) low = amplitude;
       else high = amplitude;
     }
-    if (result === this.#result) this.#slip.textContent = `All ${cycles(scenario.cycles.at(-1))} cycles slip ${high < most ? "from" : "only above"} ${quantity(high, "m", 3)}`;
+    if (result === this.#result) this.#slip.textContent = `All ${cycles(scenario.cycles.at(-1))} cycles slip ${high < most ? "from" : "only above"} ${quantity(high, "m", 3)}${unworn.actuator_gross_slip_amplitude == null ? "" : " at the actuator"}`;
   }
 
   #showRow(row) {

@@ -6,6 +6,7 @@ import { may } from "../access/allowed.js";
 import { get, post, resultAddress, send } from "../access/api.js";
 import { caller, signedIn } from "../access/sign-in.js";
 import { saveAs } from "../figure/save.js";
+import { tags } from "./columns.js";
 import { kindOf } from "./summary.js";
 
 /** Name, path and formats of each download, and the names of the formats. */
@@ -87,7 +88,7 @@ export function drawActions(result, { job, link, form, remember, signal }) {
     (isStudy ? STUDY_DOWNLOADS : DOWNLOADS).map(([name, path, formats]) => h("div", { class: "row" }, h("span", {}, name), formats.map((format) =>
       button(FORMATS[format], () => download(path, format), { "aria-label": `${name} as ${FORMATS[format]}` })))),
     h("div", { class: "row" }, button("Copy curl command", curl), button("Copy Python code", python))));
-  const row = h("div", { class: "actions" }, edit, menu, link && linkEnd([link]));
+  const row = h("div", { class: "actions" }, edit, menu, job.tags && h("p", { id: "tags" }, tags(job)), link && linkEnd([link]));
   if (!link) addPinAndNote(row, others, key, signal);
   return row;
 }
@@ -97,7 +98,7 @@ async function addPinAndNote(row, others, key, signal) {
   const provenance = await get(resultAddress(key, "/provenance"), { signal }).catch(() => null);
   if (!provenance) return;
   const { at, wall_seconds: wall, cpu_seconds: computing } = provenance.computed;
-  const computed = at && h("p", { class: "muted", id: "computed" }, "Computed ", dateTime(at), wall != null && ` in ${duration(wall)}`, computing != null && `, computing time ${duration(computing)}`);
+  const computed = at && h("p", { class: "muted", id: "computed" }, "Computed ", dateTime(at), wall != null && `, ${duration(wall)} from start to end`, computing != null && `, ${duration(computing)} of processor time`);
   let { pinned, note } = provenance;
   const pin = button("", async () => {
     await send(resultAddress(key, "/pin"), { method: pinned ? "DELETE" : "PUT" });

@@ -65,8 +65,7 @@ export async function showLibrary(main, { query, signal }) {
     errors.replaceChildren();
     await table.search(asked());
     clear.hidden = !filters().size;
-    fill(table.empty, filters().size ? `No match. Change the search or the filters${everybody.value ? ", or search the results of all users" : ""}.`
-      : may("submit") ? ["No results yet. ", h("a", { href: "#/new" }, "Start a run"), "."] : "No results yet.");
+    everybody.explain(table.empty, "results", filters().size);
   }
 
   /** Counts the results. This is a request of its own, so that the rows do not wait for it. */

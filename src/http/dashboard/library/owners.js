@@ -1,6 +1,6 @@
 // Whose runs a list shows, and who is their owner.
 
-import { h } from "../page/dom.js";
+import { fill, h } from "../page/dom.js";
 import { may } from "../access/allowed.js";
 import { signedIn } from "../access/sign-in.js";
 
@@ -33,6 +33,12 @@ export class Everybody {
   restrict(words) {
     if (this.value) words.set(this.name, this.value);
     return words;
+  }
+
+  /** Says in `place` why a list of such things is empty. */
+  explain(place, things, hasFilters) {
+    const all = this.value && h("button", { type: "button", onclick: () => this.box.click() }, "Show those of all users");
+    fill(place, hasFilters ? "No match. Change the search or the filters. " : this.value ? "None of yours. " : `No ${things} yet. `, all || (!hasFilters && may("submit") && h("a", { href: "#/new" }, "Start a run")));
   }
 
   /** Adds the choice to an address. */

@@ -1,6 +1,6 @@
 // Loads stored results, their jobs and their warnings.
 
-import { get, resultAddress } from "../access/api.js";
+import { get, jobAddress, resultAddress } from "../access/api.js";
 import { ownFirst } from "./owners.js";
 
 /** Loads a run, or a study without its rows. `link` is the token of a shared link. */
@@ -8,6 +8,9 @@ export const loadResult = (key, link, signal) => get(`${resultAddress(key)}?${ne
 
 /** The latest jobs of a result, the own ones first, newest first. A user who may not list jobs gets none. */
 export const jobsOf = (key, signal) => get(`/v1/jobs?${new URLSearchParams({ key, limit: 20 })}`, { signal }).then(({ jobs }) => ownFirst(jobs), () => []);
+
+/** A job with what was submitted, which only its owner sees; null without a job. */
+export const jobWithSubmitted = (id, signal) => (id ? get(jobAddress(id, "?include=submitted"), { signal }).catch(() => null) : null);
 
 /** The warnings that the result does not contain: those about the trust in it, and those about the bodies of the job that computed it. */
 export async function loadWarnings(key, link, signal) {

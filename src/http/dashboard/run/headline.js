@@ -78,7 +78,7 @@ export function drawHeadline({ first, others, notes }, result, row, allWarnings)
   fill(first, FIRST.map(wear), h("div", {}, h("dt", {}, "Regime"),
     h("dd", {}, h("span", { "data-value": "regime" }, regime), marked("regime")), h("dd", { class: "errors" }, when,
       threshold != null && [" · ", term(limit, scenario, CHANGES), `\u00a0=\u00a0${length(threshold, 3)} unworn`,
-        now != null && [", ", h("span", { "data-value": "threshold" }, length(now, 3)), typeof scenario.motion.amplitude === "number" ? " of the scar worn at this amplitude" : " of the worn scar"]])));
+        now != null && [", ", h("span", { "data-value": "threshold" }, length(now, 3)), " with this scar"]])));
   fill(others, [...OTHERS, ...(hasRig ? ["amplitude", "gross_slip_amplitude"] : [])].map((name) => h("div", {}, h("dt", {}, term(name, scenario)),
     h("dd", {}, h("span", { "data-value": name }, shown(name)), marked(name)))));
   const concerned = [...FIRST, "regime", ...OTHERS].map((name) => [name, warnings.filter((warning) => numberOf(warning) === name)])

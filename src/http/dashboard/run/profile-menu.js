@@ -34,6 +34,10 @@ export function profileMenu(result, state, { changed, signal }) {
     for (const box of boxes) box.checked = yes;
     choose();
   } }, text);
+  const limit = profiles.limiting && h("input", { type: "checkbox", checked: state.hasLimit, onchange: () => {
+    state.hasLimit = limit.checked;
+    changed();
+  } });
   const fault = h("p", { class: "fault", role: "status" });
   const beside = h("input", { type: "checkbox", checked: state.beside !== null, onchange: compare });
   const xi = h("input", { inputMode: "decimal", size: 6, value: state.beside ?? "", placeholder: "computed", "aria-label": "ξ of the simplified rule", onchange: () => {
@@ -54,7 +58,7 @@ export function profileMenu(result, state, { changed, signal }) {
   return h("details", { class: "menu", id: "profile-menu" }, h("summary", {}, "Cycles"), h("div", { class: "sheet" },
     h("p", { class: "muted" }, "Output cycles that share the figure. Without a tick, it follows the slider."),
     h("div", { class: "row" }, all("All", true), all("None", false)),
-    h("div", { class: "columns" }, boxes.map((box, row) => h("label", {}, box, profiles.cycles[row] > 0 ? cycles(profiles.cycles[row]) : "Unworn"))),
+    h("div", { class: "columns" }, boxes.map((box, row) => h("label", {}, box, profiles.cycles[row] > 0 ? cycles(profiles.cycles[row]) : "Unworn")), limit && h("label", {}, limit, "Limit")),
     !isLine(scenario.profile) && may("submit") && h("div", { class: "row" }, h("label", {}, beside, ` ${WORDS[isExact ? "simplified" : "exact"]} beside`),
       isExact && h("label", {}, "ξ ", xi)), fault));
 }

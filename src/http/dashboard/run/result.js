@@ -3,31 +3,31 @@
 import { keepState } from "../page/address.js";
 import { choice, fill, h, select } from "../page/dom.js";
 import { cycles, isLine, WORDS } from "../quantities/units.js";
-import { get, jobAddress } from "../access/api.js";
 import { Cursors, Figure, restore, wordsOf } from "../figure/figure.js";
 import { playButton } from "../figure/player.js";
 import { drawHistory, drawLoop, drawProfile, HISTORIES, historyTitle, nearest, PROFILES } from "../figure/run.js";
 import { drawActions } from "../library/actions.js";
 import { drawSource } from "../library/derived.js";
-import { jobsOf, loadResult, loadWarnings } from "../library/stored.js";
+import { jobsOf, jobWithSubmitted, loadResult, loadWarnings } from "../library/stored.js";
 import { beside } from "../library/owners.js";
 import { entryOf, kindOf, sourceOf, subtitle, title } from "../library/summary.js";
 import { editLink } from "../study/vary.js";
 import { measuring } from "../measure/measure.js";
 import { drawDetails } from "./details.js";
+import { aboutExample } from "./figure-3.js";
 import { doubts, drawHeadline } from "./headline.js";
 import { profileMenu, rowsOfText, textOfRows } from "./profile-menu.js";
 import { Section } from "./section.js";
 import { patience, smooth } from "./smooth.js";
 import { drawWarning, isAtNumber, ownWarnings } from "./warnings.js";
 
-/** The label, the source and the submitted scenario of a job, by default of the latest own job of the result. With `id`, also its warnings. */
+/** The label, the source and the submitted scenario of a job, by default of the latest own job of the result. With `id`, also its warnings. `others` are the names of other jobs. */
 async function loadJob(key, id, signal) {
   const jobs = await jobsOf(key, signal);
-  const job = id ?? jobs[0]?.id;
-  const own = job && (await get(jobAddress(job, "?include=submitted"), { signal }).catch(() => null));
+  const own = await jobWithSubmitted(id ?? jobs[0]?.id, signal);
   const named = own?.label ? own : jobs.find(({ label }) => label);
   return { label: named?.label ?? "", owner: named?.owner, private: named?.private, submitted: own?.submitted, warnings: id && own?.warnings,
+    tags: [...new Set(jobs.flatMap(({ tags }) => tags))], others: [...new Set(jobs.map(({ label }) => label))].filter((label) => label && label !== named?.label),
     source: id ? sourceOf(own?.tags) : jobs.map(({ tags }) => sourceOf(tags)).find(Boolean) };
 }
 
@@ -84,14 +84,14 @@ export async function showResult(main, { id: key, query, signal }) {
     history: Object.hasOwn(HISTORIES, query.get("history")) ? query.get("history") : "volume",
     log: query.get("log") ?? "x",
     row: nearest(outputs, query.get("at")),
-    scale: query.get("scale") === "ratio" ? "ratio" : "", chosen: rowsOfText(result.profiles, query.get("cycles")), beside: query.get("beside"), other: "",
+    scale: query.get("scale") === "ratio" ? "ratio" : "", chosen: rowsOfText(result.profiles, query.get("cycles")), beside: query.get("beside"), other: "", hasLimit: query.get("limit") !== "no",
   };
 
   /** Keeps the state of the view in the address. */
   function remember() {
     const kept = ["job", "link", "label", "typed"].filter((name) => query.get(name)).map((name) => [name, query.get(name)]);
     const words = new URLSearchParams({ ...Object.fromEntries(kept),
-      at: outputs[state.row], plot: state.plot, history: state.history, log: state.log, ...(state.scale && { scale: state.scale }),
+      at: outputs[state.row], plot: state.plot, history: state.history, log: state.log, ...(state.scale && { scale: state.scale }), ...(!state.hasLimit && { limit: "no" }),
       ...(state.chosen.length && { cycles: textOfRows(result.profiles, state.chosen) }), ...(state.beside !== null && { beside: state.beside }), ...wordsOf(figures) });
     keepState(`#/result/${key}?${words}`);
   }
@@ -163,8 +163,10 @@ export async function showResult(main, { id: key, query, signal }) {
     h("div", { class: "head" }, h("div", {},
       h("h1", {}, heading),
       job.label && h("p", { id: "result-label" }, job.label, beside(job.owner)),
+      job.others?.length > 0 && h("p", { class: "muted", id: "other-names" }, `Also saved as ${job.others.map((label) => `“${label}”`).join(", ")}`),
       derived,
-      h("p", { class: "muted" }, `${subtitle(entryOf(result))}`),
+      h("p", { class: "muted" }, subtitle(entryOf(result))),
+      h("p", { class: "muted", id: "about-example" }, aboutExample(job.label)),
       drawStamp(signal)),
     drawActions(result, { job, link, form: editLink({ ...result, ...job, submitted: job.submitted ?? job.typed }), remember, signal })),
     h("section", { class: "card output", "aria-label": "Output cycle" },
@@ -195,5 +197,5 @@ export async function showResult(main, { id: key, query, signal }) {
   drawAll();
   remember();
   document.addEventListener("units", drawAll, { signal });
-  drawSource(derived, result, job.source, signal);
+  drawSource(derived, { ...result, submitted: job.submitted }, job.source, signal);
 }

@@ -7,6 +7,7 @@ import { events, get, jobAddress, post, viewOf } from "../access/api.js";
 import { errorCard } from "../access/error.js";
 import { drawSource } from "../library/derived.js";
 import { beside, isOwn } from "../library/owners.js";
+import { jobsOf } from "../library/stored.js";
 import { entryOf, kindOf, nameOf, sourceOf, subtitle, title } from "../library/summary.js";
 import { editLink } from "../study/vary.js";
 import { submitStudy } from "./again.js";
@@ -47,6 +48,7 @@ export async function showRun(main, { id, query, signal }) {
   const soFar = new SoFar(`${address}/so-far`, job, signal);
   // The server may forget the progress of a job that was canceled.
   let farthest = job.progress;
+  let continued = null;
   const form = editLink(job);
   const edit = h("a", { href: form, hidden: !form }, "Edit and run again");
   const cancel = h("button", { type: "button", id: "cancel", onclick: async () => {
@@ -76,7 +78,8 @@ export async function showRun(main, { id, query, signal }) {
       const { computed, points } = soFar.counts;
       fill(outcome, h("section", { class: "card" }, h("p", {}, soFar.hasPoints
         ? `This study was canceled. ${cycles(computed)} of ${cycles(points)} points were computed before. They stay for a week, in which the same study continues from them.` : "This run was canceled. It has no result."),
-        h("div", { class: "row" }, soFar.hasPoints && may("submit") && submitStudy("Continue", kindOf(first), first), soFar.hasPoints && button("Points as CSV", () => soFar.save()), h("a", { class: "button", href: "#/runs" }, "Open the list of runs"))));
+        h("div", { class: "row" }, continued ? h("a", { class: "button", href: viewOf(continued) }, "Open its continuation")
+          : soFar.hasPoints && may("submit") && submitStudy("Continue", kindOf(first), first), soFar.hasPoints && button("Points as CSV", () => soFar.save()), h("a", { class: "button", href: "#/runs" }, "Open the list of runs"))));
     }
   }
 
@@ -142,7 +145,10 @@ export async function showRun(main, { id, query, signal }) {
     // The stream may have ended before this page read the last state.
     if (job.state !== "succeeded") job = await get(address, { signal });
     draw();
-    if (job.state === "canceled") await soFar.last().then(draw);
+    if (job.state === "canceled") {
+      continued = (await jobsOf(job.key, signal)).find(({ state: now }) => now === "succeeded" || OPEN.includes(now));
+      await soFar.last().then(draw);
+    }
     if (job.state === "succeeded") location.replace(viewOf(job));
   }
 }

@@ -70,8 +70,8 @@ export async function showRuns(main, { query, signal }) {
     const volume = columnOf("m^3", jobs.map(({ summary }) => summary?.wear_volume));
     list.replaceChildren(...jobs.map((job) => drawRow(job, volume)));
     if (focused) list.querySelector(`[data-job="${focused}"]`)?.focus();
-    empty.replaceChildren(...(jobs.length ? [] : filters().size ? [`No match. Change the search or the filters${everybody.value ? ", or search the runs of all users" : ""}.`]
-      : may("submit") ? ["No runs yet. ", h("a", { href: "#/new" }, "Start a run"), "."] : ["No runs yet."]));
+    empty.hidden = jobs.length > 0;
+    everybody.explain(empty, "runs", filters().size);
     more.hidden = !next;
     drafts.hidden = !jobs.some(isDraft);
     loadNames(jobs, signal, (job) => {

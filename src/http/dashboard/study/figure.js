@@ -54,7 +54,7 @@ export class StudyFigure {
     const isMap = view.kind.axes.length > 0;
     // The number with the most values is on the horizontal axis; the axes of a map are given.
     const counts = new Map(view.members.map((name) => [name, distinct(view.table[name]).length]));
-    const [first, second] = isMap ? view.members.toReversed() : view.members.toSorted((a, b) => counts.get(b) - counts.get(a));
+    const [first, second] = isMap ? view.kind.axes.map(([, member]) => member).toReversed() : view.members.toSorted((a, b) => counts.get(b) - counts.get(a));
     const known = (name, all, usual) => (all.includes(query.get(name)) ? query.get(name) : usual);
     this.#state = { kind: known("kind", kindsOf(view), null), output: known("output", view.outputs, view.outputs.at(isMap ? Math.min(3, view.outputs.length - 1) : 0)),
       over: known("over", view.members, first), by: known("by", view.members, second ?? null), fixed: new Map() };
@@ -182,7 +182,7 @@ export class StudyFigure {
     const { points } = readPoints(this.#points, [over, by], view.scenario);
     const { boundary: table, hints: { regions } } = view;
     // The second number of a boundary is the amplitude, which has another column after the runs.
-    const [force, amplitude] = view.members;
+    const [force, amplitude] = view.kind.axes.map(([, member]) => member);
     const edge = (column) => table?.[column] && table[force].map((x, i) => ({ [force]: x, [amplitude]: table[column][i] })).map((point) => ({ x: point[over], y: point[by] }))
       .filter(({ x, y }) => x != null && y != null).sort((a, b) => a.y - b.y);
     this.#chart.show(kind === "regimes" ? view.hints.regions.title : view.title(output), plane(view, { across: over, up: by, output: kind === "heat" ? output : null, rows,
