@@ -363,7 +363,7 @@ def errors_and_warnings(browser):
         expect(page.locator("#headline [data-value=regime]")).to_have_text(regime)
         now = number(page.locator("#headline [data-value=threshold]").inner_text())
         assert (now > float(amplitude)) == (regime == "Partial slip"), (amplitude, now)
-    expect(page.locator("#headline > :last-child")).to_contain_text("of the scar worn at this amplitude")
+    expect(page.locator("#headline > :last-child")).to_contain_text("with this scar")
     slips_in_all_cycles(page)
     page.fill("#load-normal_force", "20 kN")
     warning = page.locator("#warning-normal_force")
@@ -425,6 +425,14 @@ def figure_3(browser):
     expect(page.locator("#motion-stick_ratio")).to_have_value("0.545")
     page.fill("#motion-stick_ratio", "0.5")
     expect(about).to_be_empty()
+    # One click saves both, and shows their profiles in one figure.
+    page.select_option("#example", "paper-figure-3")
+    about.get_by_role("button", name="Compare both").click()
+    expect(page.locator("#compared")).to_contain_text("Stick ratio")
+    assert page.locator("#compared .group + tr td").all_inner_texts()[:2] == ["0.545", "0.455"]
+    expect(page.locator("section[aria-label=Profiles] .curve")).to_have_count(2)
+    page.locator("#compared .name").first.click()
+    expect(page.locator("#about-example")).to_contain_text("counts a slip path of U")
     page.context.close()
 
 

@@ -331,11 +331,15 @@ def leaves_out(browser):
     page = browser.page(BASE)
     page.goto(f"{BASE}/#/result/{job['key']}?job={job['id']}")
     assert page.locator("#law strong").get_attribute("class") == ""
+    expect(page.locator("#law")).to_contain_text("wear volume of lab C at N\u00a0=\u00a03\u202f000 (")
     page.get_by_role("button", name="Leave out these 2 numbers and fit again").click()
     left = ["wear volume of lab C at N\u00a0=\u00a03\u202f000", "wear volume of lab C at N\u00a0=\u00a030\u202f000"]
     expect(page.locator("#left-out")).to_have_text(f"Left out: {'; '.join(left)}.")
     expect(page.locator("h1")).to_have_text("lab C, without 2 numbers")
     assert get(f"/v1/results/{re.search('[0-9a-f]{64}', page.url)[0]}")["fit"]["without"] == wrong
+    expect(page.locator("section[aria-label=Estimates] h2")).to_have_text("Estimates from 10 wear volumes")
+    expect(page.locator("section[aria-label='Sum of squares'] .caption")).to_contain_text("Sum of squares of 10 measured numbers")
+    expect(page.locator("section[aria-label=Fit] .measured[stroke='var(--ink-6)']")).to_have_count(2)
     expect(page.locator("#refit")).to_have_count(0)
     page.locator("#points").evaluate("table => table.closest('details').open = true")
     expect(page.locator("#points :checked")).to_have_count(2)

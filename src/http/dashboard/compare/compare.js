@@ -1,11 +1,11 @@
 // Compares runs: one table, and their curves in common figures. Each run has one letter, one colour and one dash everywhere.
 
 import { keepState } from "../page/address.js";
-import { button, choice, fill, h, select } from "../page/dom.js";
+import { button, fill, h } from "../page/dom.js";
 import { cycles, WORDS } from "../quantities/units.js";
 import { may } from "../access/allowed.js";
 import { Problem, resultAddress } from "../access/api.js";
-import { Cursors, Figure, restore, wordsOf } from "../figure/figure.js";
+import { choosing, Cursors, Figure, restore, wordsOf } from "../figure/figure.js";
 import { playButton } from "../figure/player.js";
 import { PROFILES } from "../figure/run.js";
 import { saveAs } from "../figure/save.js";
@@ -167,15 +167,10 @@ export async function showCompare(main, { query, signal }) {
 
   const addressFor = async (lifetime) => addressOf(addLinks(words(), await Promise.all(runs.map(({ key }) => createLink(key, lifetime)))));
 
-  const choose = (name, label, options, figure) => {
-    const field = select(options, state[name], { id: `choose-${name}`, onchange: () => {
-      state[name] = field.value;
-      for (const own of figure) figures[own].zoom = null;
-      draw();
-      remember();
-    } });
-    return choice(label, field);
-  };
+  const choose = choosing(state, figures, () => {
+    draw();
+    remember();
+  });
   const columns = Object.fromEntries(COLUMNS.map((name) => [name, WORDS[name]]));
   const card = (label, name, choices) => h("section", { class: "card", "aria-label": label }, h("div", { class: "row" }, choices), figures[name].element, notes[name]);
 
@@ -187,10 +182,10 @@ export async function showCompare(main, { query, signal }) {
   h("section", { class: "card output", "aria-label": "Output cycle" }, h("div", { class: "row steps" }, h("label", { for: "output" }, "Output cycle"), player, slider, position)),
   table,
   h("div", { class: "plots" },
-    card("Profiles", "profile", [choose("plot", "Profile", Object.fromEntries(PROFILES.map((name) => [name, WORDS[name]])), ["profile"]),
-      choose("scale", "Axes", { "": "Lengths", ratio: "r/a₀, f/d₀ of each run" }, ["profile"])]),
-    card("First history", "first", [choose("first", "History", columns, ["first"]), choose("log", "Axes", { x: "log N", "": "Linear", xy: "log–log" }, ["first", "second"])]),
-    card("Second history", "second", choose("second", "History", columns, ["second"])),
+    card("Profiles", "profile", [choose("plot", "Profile", Object.fromEntries(PROFILES.map((name) => [name, WORDS[name]])), "profile"),
+      choose("scale", "Axes", { "": "Lengths", ratio: "r/a₀, f/d₀ of each run" }, "profile")]),
+    card("First history", "first", [choose("first", "History", columns, "first"), choose("log", "Axes", { x: "log N", "": "Linear", xy: "log–log" }, "first", "second")]),
+    card("Second history", "second", choose("second", "History", columns, "second")),
     card("Fretting loops", "loop", h("span", { class: "muted" }, "Force over displacement in one cycle"))));
   const smoothing = smooth(runs, signal);
   arrange(runs);

@@ -17,12 +17,15 @@ function stepOf(length, count) {
   return [1, 2, 5, 10].map((nice) => nice * decade).find((step) => step >= rough * (1 - 1e-9));
 }
 
+/** The ends of a logarithmic axis, with a margin. */
+export function logEnds([low, high]) {
+  const margin = low === high ? 2 : (high / low) ** 0.04;
+  return [low / margin, high * margin];
+}
+
 /** The ends of a vertical axis for values between `low` and `high`: round numbers, so that small changes do not move it. */
 function roundEnds([low, high], log, count) {
-  if (log) {
-    const margin = low === high ? 2 : (high / low) ** 0.04;
-    return [low / margin, high * margin];
-  }
+  if (log) return logEnds([low, high]);
   const size = Math.max(Math.abs(low), Math.abs(high));
   // Differences due to rounding must not fill the axis.
   if (high - low < 1e-6 * size) [low, high] = [low - 0.1 * size, high + 0.1 * size];

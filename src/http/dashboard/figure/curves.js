@@ -72,6 +72,8 @@ export const nearestTo = (values, x) => values.reduce((best, value, i) => (Math.
 /** The value below which a share of ascending values lies. */
 export const percentile = (values, share, at = share * (values.length - 1)) => values[Math.floor(at)] + (at % 1) * (values[Math.ceil(at)] - values[Math.floor(at)]);
 
+export const mean = (values) => values.reduce((sum, value) => sum + value, 0) / values.length;
+
 export const median = (values) => percentile(values.toSorted((a, b) => a - b), 0.5);
 
 /** At most `count` rows that are evenly spaced. */

@@ -70,7 +70,7 @@ export function planFigure(curves, axes, { width, height, zoom, held, isAlone = 
 }
 
 /** A number of px with one decimal. */
-const px = (value) => Math.round(value * 10) / 10;
+export const px = (value) => Math.round(value * 10) / 10;
 
 /** The path of a curve. Values that an axis cannot show are gaps. Far outside the area, points are moved closer. */
 function pathOf({ x, y }, horizontal, vertical, { top, bottom }) {

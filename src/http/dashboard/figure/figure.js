@@ -1,6 +1,6 @@
 // A figure with curves: it chooses units and axes, names the curves at their ends, and can be read, zoomed and saved.
 
-import { h, svg } from "../page/dom.js";
+import { choice, h, select, svg } from "../page/dom.js";
 import { cycles, WORDS } from "../quantities/units.js";
 import { extent } from "./curves.js";
 import { drawFigure, planFigure } from "./draw.js";
@@ -34,6 +34,16 @@ export const wordsOf = (figures) => Object.fromEntries(Object.entries(figures)
 export function restore(figures, query) {
   for (const [name, figure] of Object.entries(figures)) Object.assign(figure, { zoomText: query.get(`zoom-${name}`), namesText: query.get(`names-${name}`) });
 }
+
+/** A function that draws a choice of the `state` of a view. Figures that it names are shown whole again, and `changed()` draws them. */
+export const choosing = (state, figures, changed) => (name, label, options, ...whole) => {
+  const field = select(options, state[name], { id: `choose-${name}`, onchange: () => {
+    state[name] = field.value;
+    for (const own of whole) figures[own].zoom = null;
+    changed();
+  } });
+  return choice(label, field);
+};
 
 /** An axis with room for more values, if its ends are given. */
 const widened = (axis, rows) => (axis.range && rows.length ? { ...axis, range: extent([axis.range, ...rows]) } : axis);

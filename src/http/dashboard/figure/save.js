@@ -1,7 +1,7 @@
 // Saves a figure as SVG, PNG and PDF of a chosen size, and its values as CSV.
 
 import { csvOf } from "../page/csv.js";
-import { fill, h, notify, svg } from "../page/dom.js";
+import { button, fill, h, svg } from "../page/dom.js";
 import { drawFigure, planFigure } from "./draw.js";
 import { sampleOf } from "./reader.js";
 
@@ -127,15 +127,10 @@ export function saving(name, drawn, table, figure) {
   const number = (key, value, label, least, most) => h("input", { type: "number", id: `${id}-${key}`, value, min: least, max: most, "aria-label": label });
   const [width, height, dpi] = [number("width", 85, "Width in mm", 20, 1000), number("height", 60, "Height in mm", 20, 1000), number("dpi", 300, "Dots per inch", 36, 1200)];
   const size = () => [width, height].map((field) => Math.min(Math.max(Number(field.value) || 85, 20), 1000));
-  const act = async (make) => {
-    try {
-      await make();
-      menu.open = false;
-    } catch (fault) {
-      notify(fault.message);
-    }
-  };
-  const button = (text, make) => h("button", { type: "button", onclick: () => act(make), "aria-label": `Save ${name()} as ${text}` }, text);
+  const saved = (text, make) => button(text, async () => {
+    await make();
+    menu.open = false;
+  }, { "aria-label": `Save ${name()} as ${text}` });
   const names = h("div", { class: "names" });
   const list = (focused) => {
     fill(names, namesOf(figure, list));
@@ -146,10 +141,10 @@ export function saving(name, drawn, table, figure) {
     h("summary", { "aria-label": `Save ${name()}`, onclick: () => figure && list() }, "Save"), h("div", { class: "sheet" }, names,
     h("div", { class: "row" }, width, " × ", height, " mm, ", dpi, " dpi"),
     h("div", { class: "row" },
-      button("SVG", async () => saveAs(`${name()}.svg`, await drawn(size()), "image/svg+xml")),
-      button("PNG", async () => saveAs(`${name()}.png`, await pictureOf(await drawn(size()), size(), Math.min(Math.max(Number(dpi.value) || 300, 36), 1200)))),
-      button("PDF (print)", async () => printAlone(name(), await drawn(size()), size())),
-      table && button("CSV", () => saveAs(`${name()}.csv`, table(), "text/csv")))));
+      saved("SVG", async () => saveAs(`${name()}.svg`, await drawn(size()), "image/svg+xml")),
+      saved("PNG", async () => saveAs(`${name()}.png`, await pictureOf(await drawn(size()), size(), Math.min(Math.max(Number(dpi.value) || 300, 36), 1200)))),
+      saved("PDF (print)", async () => printAlone(name(), await drawn(size()), size())),
+      table && saved("CSV", () => saveAs(`${name()}.csv`, table(), "text/csv")))));
   return menu;
 }
 

@@ -141,11 +141,9 @@ function doubtful({ fit, outliers = [], table }, refit) {
 export async function showFit(main, { key }, { job, link, trust, signal }) {
   const words = new URLSearchParams(link ? { link } : {});
   const read = (path) => get(`${resultAddress(key, path)}?${words}`, { signal });
-  const unread = (problem) => {
-    if (signal.aborted) throw problem;
-    return { outcome: "untested", verdict: "The verdict could not be loaded.", reason: problem.message };
-  };
+  const unread = (problem) => ({ outcome: "untested", verdict: "The verdict could not be loaded.", reason: problem.message });
   const [result, verdict] = await Promise.all([read(""), read("/verdict").catch(unread)]);
+  signal.throwIfAborted();
   const { fit, parameters = [], notes = [], outliers = [], quality } = result;
   const refit = refitting(result, job, signal);
   const heading = job.label || "Fit";

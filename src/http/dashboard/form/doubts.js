@@ -1,14 +1,12 @@
 // Questions about sizes that no contact has, and about separators. The form keeps no run before they are answered.
 
-import { fill, h } from "../page/dom.js";
+import { fill, small } from "../page/dom.js";
 import { fieldText, pretty, printed } from "../quantities/kinds.js";
 import { valueAt } from "../quantities/pointer.js";
 import { visit } from "../run/warnings.js";
 
 /** The values that the user has confirmed, with the pointers of their fields, until the page is loaded again. */
 const confirmed = new Set();
-
-const button = (text, act) => [" ", h("button", { type: "button", class: "vary", onclick: act }, text)];
 
 export class Doubts {
   /** The questions without an answer, by their fields. */
@@ -38,19 +36,19 @@ export class Doubts {
     this.open.delete(input);
     if (isDoubt) this.open.set(input, instead.question);
     fill(note, isDoubt ? instead.question : said,
-      isDoubt && instead.value !== undefined && button(`Use ${pretty(instead.value)}`, () => type(pretty(instead.value).replaceAll("\u00a0", " "))),
-      isDoubt && button(`${instead.read ?? pretty(value)} is right`, () => {
+      isDoubt && instead.value !== undefined && [" ", small(`Use ${pretty(instead.value)}`, () => type(pretty(instead.value).replaceAll("\u00a0", " ")))],
+      isDoubt && [" ", small(`${instead.read ?? pretty(value)} is right`, () => {
         confirmed.add(answer);
         type(input.value);
-      }));
+      })]);
   }
 
   /** Leads to the questions. `act` is what they hinder. */
   draw(place, act) {
     for (const input of this.open.keys()) if (!input.isConnected) this.open.delete(input);
     place.hidden = this.open.size === 0;
-    fill(place, `Before you can ${act}, answer:`, [...this.open].map(([input, question]) =>
-      button(`${input.dataset.name ?? input.getAttribute("aria-label")}: ${question}`, () => visit(input))));
+    fill(place, `Before you can ${act}, answer:`, [...this.open].map(([input, question]) => [" ",
+      small(`${input.dataset.name ?? input.getAttribute("aria-label")}: ${question}`, () => visit(input))]));
     // The question stands below the field that is typed.
     if (this.open.has(document.activeElement)) document.activeElement.closest(".field, td").scrollIntoView({ block: "nearest" });
   }

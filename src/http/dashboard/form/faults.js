@@ -1,6 +1,6 @@
 // The faults that the server finds in a scenario, at the fields of the form.
 
-import { h } from "../page/dom.js";
+import { h, small } from "../page/dom.js";
 import { fieldText, kindAt, pretty, printed } from "../quantities/kinds.js";
 import { valueAt } from "../quantities/pointer.js";
 import { digits } from "../quantities/scaling.js";
@@ -36,17 +36,12 @@ function sentence(sent, name, kind) {
   return /[.?!]$/.test(detail) ? detail : `${detail}.`;
 }
 
-export const countOf = (problem) => {
-  const count = problem.errors?.length ?? 0;
-  return count === 1 ? "1 field needs correction." : `${count} fields need correction.`;
-};
+export const countOf = ({ errors = [] }) => (errors.length === 1 ? "1 field needs correction." : `${errors.length} fields need correction.`);
 
 /** The number of faults, with a button to the first field that has one, or to the faults without a field. */
 export function drawCount(main, problem) {
   const field = main.querySelector("[aria-invalid]");
-  const link = (text, place) => h("button", { type: "button", class: "vary", onclick: () => visit(place) }, text);
-  if (!field) return [countOf(problem).replace(/\.$/, ": "), link("Show it", main.querySelector("ul.fault"))];
-  return [countOf(problem).replace(/\.$/, ": "), link(field.dataset.name ?? field.getAttribute("aria-label"), field)];
+  return [countOf(problem).replace(/\.$/, ": "), small(field ? field.dataset.name ?? field.getAttribute("aria-label") : "Show it", () => visit(field ?? main.querySelector("ul.fault")))];
 }
 
 /** Maximum number of values that tell two inputs apart. */

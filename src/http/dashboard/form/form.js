@@ -2,7 +2,7 @@
 // that vary make it a study.
 
 import { keepState } from "../page/address.js";
-import { button, debounced, explained, fill, h, notify, select } from "../page/dom.js";
+import { button, debounced, explained, fill, h, notify, select, small } from "../page/dom.js";
 import { takeDropped } from "../page/dropped.js";
 import { useLimits } from "../quantities/limits.js";
 import { may } from "../access/allowed.js";
@@ -86,7 +86,7 @@ export async function showForm(main, { query: asked, signal }) {
   const label = () => (isStudy() && ofRun && form.label === ofRun ? `${ofRun}: ${OFFERS[form.study.kind].title.toLowerCase()}` : form.label ?? ownLabel()).slice(0, MAX_LABEL);
 
   const canonical = h("p", { class: "warning", id: "canonical", hidden: !query.has("canonical") },
-    "The text that was typed for this run is not available here: only its owner sees it. The form shows the values computed from it.");
+    "The text that was typed for this run is not available: only the owner of a run sees it. The form shows the values computed from it.");
   const notShown = h("p", { class: "warning", id: "not-shown", hidden: !query.has("study") || isStudy() },
     "The form cannot show the study in the address. It shows a single run.");
   const json = h("textarea", { id: "json", rows: 24, spellcheck: false, "aria-describedby": "json-fault", oninput: () => {
@@ -194,7 +194,7 @@ export async function showForm(main, { query: asked, signal }) {
     }
     chooseExample.value = example()?.name ?? "";
     const [, about, other, open] = FIGURE_3[chooseExample.value] ?? [];
-    fill(aboutExample, about && [h("span", {}, about), h("button", { type: "button", class: "vary", onclick: () => showExample(other) }, open), may("submit") && button("Compare both", comparePrinted, { class: "vary", title: "Saves both as runs" })]);
+    fill(aboutExample, about && [h("span", {}, about), small(open, () => showExample(other)), may("submit") && button("Compare both", comparePrinted, { class: "vary", title: "Saves both as runs" })]);
     if (document.activeElement !== labelField) labelField.value = label();
     const pointers = withoutField(form.scenario);
     jsonOnly.textContent = pointers.length ? `Not in the form: ${pointers.join(", ")}` : "";

@@ -1,7 +1,7 @@
 // What is typed in the form and not yet saved as a run. Its tab has it again after a reload, and other tabs offer it after its tab was
 // closed.
 
-import { dateTime, fill, h, notify } from "../page/dom.js";
+import { dateTime, fill, h, notify, small } from "../page/dom.js";
 import { caller, SIGNED_OUT, tabsOfSession } from "../access/sign-in.js";
 import { Undo } from "./undo.js";
 
@@ -75,9 +75,8 @@ export class KeptInput {
     this.element.hidden = !input;
     if (!input) return;
     const label = new URLSearchParams(input.hash.split("?")[1]).get("label");
-    const button = (text, act) => h("button", { type: "button", class: "vary", onclick: act }, text);
     fill(this.element, h("span", {}, isBack ? "Your input is back: " : "Earlier input is kept: ", label ? `${label}, ` : "", dateTime(input.time)),
-      !isBack && button("Open it", () => this.#open(input)), button("Discard it", () => this.#discard(input, isBack)));
+      !isBack && small("Open it", () => this.#open(input)), small("Discard it", () => this.#discard(input, isBack)));
   }
 
   #open(input) {

@@ -94,11 +94,7 @@ function sum(study) {
 }
 
 /** The text of the button that submits the form. */
-export function submitText(study) {
-  if (varied(study).length === 0) return "Save";
-  const runs = runsOf(study);
-  return runs ? `Compute ${cycles(runs)} runs` : "Compute";
-}
+export const submitText = (study) => (varied(study).length === 0 ? "Save" : runsOf(study) ? `Compute ${cycles(runsOf(study))} runs` : "Compute");
 
 /** The card that says what is computed. `names` are the labels of the numbers that vary, and `all` the pointers of those that can. */
 export function drawPlan(card, names, all, scenario, study, { changed, redraw, chosen }) {

@@ -1,6 +1,6 @@
 // Faults of a measured profile in the words of the page, and buttons that smooth it or cut it off.
 
-import { h } from "../page/dom.js";
+import { small } from "../page/dom.js";
 import { pretty } from "../quantities/kinds.js";
 import { quantity } from "../quantities/units.js";
 import { worded } from "../run/warnings.js";
@@ -43,10 +43,10 @@ function smoothed({ radius, height }) {
 /** The buttons of a fault. `redraw` shows the changed profile. Values that are texts with units stay as they are. */
 export function repairs({ row, isImage, isHeight }, profile, redraw) {
   const { radius, height } = profile;
-  const button = (text, act) => [" ", h("button", { type: "button", class: "vary", onclick: () => {
+  const button = (text, act) => [" ", small(text, () => {
     Object.assign(profile, act());
     redraw();
-  } }, text)];
+  })];
   return [(isImage || isHeight) && [radius, height].every((all) => all.every(isNumber)) && button("Smooth the profile", () => ({ height: smoothed(profile) })),
     isImage && row >= FEWEST && button("Cut it off here", () => ({ radius: radius.slice(0, row), height: height.slice(0, row) }))].filter(Boolean).flat();
 }

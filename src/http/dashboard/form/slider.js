@@ -1,7 +1,7 @@
 // The slider of a number. It covers the usual values of a plain number, and a decade on both sides of a quantity.
 
 import { debounced, h } from "../page/dom.js";
-import { kindAt } from "../quantities/kinds.js";
+import { kindAt, plain } from "../quantities/kinds.js";
 import { limitsOf } from "../quantities/limits.js";
 import { readNumber } from "../quantities/typed.js";
 
@@ -20,12 +20,6 @@ function scaleOf(text, pointer, scenario) {
   const [least, most] = limitsOf(pointer, read.rest);
   const [from, to] = kind.slide ?? [number / DECADE, number * DECADE];
   return { from: Math.max(from, least), to: Math.min(to, most), isLog: !kind.slide, number, unit: read.rest };
-}
-
-/** A number with three digits. Small numbers have a power of ten. */
-export function threeDigits(number) {
-  const rounded = Number(number.toPrecision(3));
-  return Math.abs(rounded) < 1e-3 && rounded !== 0 ? rounded.toExponential() : String(rounded);
 }
 
 const fraction = ({ from, to, isLog, number }) => (isLog ? Math.log(number / from) / Math.log(to / from) : (number - from) / (to - from));
@@ -51,7 +45,7 @@ export function slider(input, name, pointer, scenario, set) {
   };
   const move = (step, isDragging) => {
     const number = numberAt(scale, Math.min(Math.max(step / STEPS, 0), 1));
-    input.value = threeDigits(number) + (scale.unit && ` ${scale.unit}`);
+    input.value = plain(number, 3) + (scale.unit && ` ${scale.unit}`);
     set(input.value, isDragging);
   };
   element.addEventListener("input", () => move(Number(element.value), true));

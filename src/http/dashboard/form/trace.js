@@ -1,5 +1,7 @@
 // A profilometer trace as the profile of an indenter: tilt, axis, left and right.
 
+import { interpolate, mean } from "../figure/curves.js";
+
 /** Maximum number of radii of the profile. */
 const MAX_RADII = 200;
 /** The share of the height around the lowest point that decides where it is, and the share of a trace that is one end. */
@@ -10,8 +12,6 @@ const [REACH, AXES, RADII] = [0.35, 80, 60];
 const [BETTER, LEAST] = [3, 1e-4];
 /** Digits of a measured number. */
 const DIGITS = 6;
-
-const mean = (values) => values.reduce((sum, value) => sum + value, 0) / values.length;
 
 /** The vertex of the parabola through the points that lie lowest; the lowest point if the parabola has none inside. */
 function lowest(points) {
@@ -35,18 +35,10 @@ function lowest(points) {
 /** The radius of the ball through a profile: the least squares of z = r²/(2R). */
 export const radiusOf = ({ radius, height }) => radius.reduce((sum, r) => sum + r ** 4, 0) / (2 * radius.reduce((sum, r, i) => sum + r * r * height[i], 0));
 
-/** The height at a position, linear between the points. */
-function heightAt(points, x) {
-  let [before, after] = [0, points.length - 1];
-  if (x <= points[before][0]) return points[before][1];
-  if (x >= points[after][0]) return points[after][1];
-  while (after - before > 1) {
-    const middle = (before + after) >> 1;
-    if (points[middle][0] < x) before = middle;
-    else after = middle;
-  }
-  const [[x0, z0], [x1, z1]] = [points[after - 1], points[after]];
-  return z0 + ((x - x0) / (x1 - x0)) * (z1 - z0);
+/** A function that gives the height at a position, linear between the points. */
+function heightsOf(points) {
+  const [xs, zs] = [0, 1].map((i) => points.map((point) => point[i]));
+  return (x) => interpolate(xs, zs, Math.min(Math.max(x, xs[0]), xs.at(-1)));
 }
 
 /**
@@ -55,10 +47,8 @@ function heightAt(points, x) {
  */
 function sidesOf(points, axis) {
   const reach = Math.min(axis - points[0][0], points.at(-1)[0] - axis);
-  const all = Array.from({ length: RADII }, (_, i) => {
-    const r = (reach * (i + 1)) / RADII;
-    return [r, heightAt(points, axis + r) - heightAt(points, axis - r)];
-  });
+  const heightAt = heightsOf(points);
+  const all = Array.from({ length: RADII }, (_, i) => (reach * (i + 1)) / RADII).map((r) => [r, heightAt(axis + r) - heightAt(axis - r)]);
   const slope = all.reduce((sum, [r, difference]) => sum + r * difference, 0) / all.reduce((sum, [r]) => sum + 2 * r * r, 0);
   const square = (tilt) => mean(all.map(([r, difference]) => (difference - 2 * r * tilt) ** 2));
   return { axis, slope, tilted: square(slope), level: square(0) };
@@ -111,7 +101,8 @@ export function profileOf(xs, zs, { level, axis, sides }) {
   if (!(end > 0)) return undefined;
   const count = Math.min(MAX_RADII, Math.max(8, Math.floor(points.length / 2)));
   const radius = Array.from({ length: count }, (_, i) => (i * end) / (count - 1));
-  const height = radius.map((r) => mean(wanted.map((side) => heightAt(points, centre + (side === "left" ? -r : r)))));
+  const heightAt = heightsOf(points);
+  const height = radius.map((r) => mean(wanted.map((side) => heightAt(centre + (side === "left" ? -r : r)))));
   const rounded = (values) => values.map((value) => Number(value.toPrecision(DIGITS)));
   return { profile: { radius: rounded(radius), height: rounded(height.map((value) => value - height[0])) }, centre, slope: isTurned ? -slope : slope, isTurned };
 }

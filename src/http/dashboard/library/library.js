@@ -154,9 +154,6 @@ export async function showLibrary(main, { query, signal }) {
   // The runs of a comparison to which the user adds others, in their order.
   const keys = query.get("with")?.split(",") ?? [];
   const { results } = keys.length ? await get(`/v1/results?${new URLSearchParams({ keys, limit: 200 })}`, { signal }) : { results: [] };
-  for (const key of keys) {
-    const entry = results.find((own) => own.key === key);
-    if (entry) table.chosen.set(key, entry);
-  }
+  for (const key of keys) for (const entry of results.filter((own) => own.key === key)) table.chosen.set(key, entry);
   await Promise.all([load(), countAll()]);
 }

@@ -1,6 +1,6 @@
 // Whose runs a list shows, and who is their owner.
 
-import { fill, h } from "../page/dom.js";
+import { fill, h, small } from "../page/dom.js";
 import { may } from "../access/allowed.js";
 import { signedIn } from "../access/sign-in.js";
 
@@ -37,7 +37,7 @@ export class Everybody {
 
   /** Says in `place` why a list of such things is empty. */
   explain(place, things, hasFilters) {
-    const all = this.value && h("button", { type: "button", onclick: () => this.box.click() }, "Show those of all users");
+    const all = this.value && small("Show those of all users", () => this.box.click());
     fill(place, hasFilters ? "No match. Change the search or the filters. " : this.value ? "None of yours. " : `No ${things} yet. `, all || (!hasFilters && may("submit") && h("a", { href: "#/new" }, "Start a run")));
   }
 

@@ -6,8 +6,6 @@ import { saveAs } from "../figure/save.js";
 import { isRun, nameOfEntry } from "./columns.js";
 import { sourceOf } from "./summary.js";
 
-/** Requests that are sent at the same time. */
-const AT_ONCE = 4;
 /** Keys in one address. */
 const KEYS = 100;
 
@@ -17,12 +15,10 @@ const SEEN = "All users see labels and tags, except those of private runs.";
 
 const split = (text) => text.split(",").map((tag) => tag.trim()).filter(Boolean);
 
-/** Calls `act` for each item, a few at a time. Returns the problems of those that fail. */
+/** Calls `act` for one item after another. Returns the problems of those that fail. */
 async function each(items, act) {
-  const [rest, problems] = [[...items], []];
-  await Promise.all(Array.from({ length: AT_ONCE }, async () => {
-    for (let item = rest.shift(); item; item = rest.shift()) await act(item).catch((problem) => problems.push(problem));
-  }));
+  const problems = [];
+  for (const item of items) await act(item).catch((problem) => problems.push(problem));
   return problems;
 }
 

@@ -2,7 +2,7 @@
 
 import { UNITS } from "../quantities/words.js";
 import { post, Problem } from "../access/api.js";
-import { interpolate, median, nearestTo } from "../figure/curves.js";
+import { interpolate, mean as meanOf, median, nearestTo } from "../figure/curves.js";
 
 /** The page evaluates at most this many cycles; beyond, it interpolates. */
 const MOST = 400;
@@ -85,7 +85,6 @@ const [APART, MAD] = [5, 1.4826];
 const SMALL = 1e-4;
 /** An interval of the mean that is wider than this share tells nothing. */
 const POWERLESS = 0.5;
-const meanOf = (values) => values.reduce((sum, value) => sum + value, 0) / values.length;
 
 /**
  * Whether measured points agree with computed ones. With stated errors, the sum of squares in standard deviations must be

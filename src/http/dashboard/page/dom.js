@@ -75,6 +75,9 @@ export const button = (text, act, attributes = {}) => h("button", { type: "butto
   }
 } }, text);
 
+/** A small button. */
+export const small = (text, onclick) => h("button", { type: "button", class: "vary", onclick }, text);
+
 /**
  * Opens a modal dialog with the children that `content(close)` returns. Resolves when the dialog is closed. Unless `stays`, another view
  * closes it.

@@ -26,10 +26,10 @@ export const printed = (text) => text.replace(/\bu(?=[mNJ])/g, "µ").replace("^3
 /** A value of a scenario for reading: 2 µm. */
 export const pretty = (value) => printed(String(value)).replace("-", "−").replaceAll(" ", "\u00a0");
 
-/** A number without the digits that conversions add. Small numbers have a power of ten. */
-function plain(number) {
-  const rounded = Number(number.toPrecision(12));
-  return Math.abs(rounded) < 1e-3 ? rounded.toExponential() : String(rounded);
+/** A number with at most `count` digits, by default without those that conversions add. Small numbers have a power of ten. */
+export function plain(number, count = 12) {
+  const rounded = Number(number.toPrecision(count));
+  return Math.abs(rounded) < 1e-3 && rounded !== 0 ? rounded.toExponential() : String(rounded);
 }
 
 /** A value in SI as a text in the unit of its field. */

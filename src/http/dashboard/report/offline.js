@@ -23,7 +23,7 @@ export const [jobAddress, post, submitJob, viewOf] = [resultAddress, get, get, (
 
 // In place of library/actions.js, library/derived.js, library/owners.js and study/vary.js: a file offers no action of a server.
 
-export const [drawActions, drawSource, linkEnd, sharing, createLink, editLink, beside, ownFirst] = Array(8).fill(() => null);
+export const [drawActions, drawSource, linkEnd, sharing, createLink, editLink, beside, isOwn, ownFirst] = Array(9).fill(() => null);
 
 // In place of access/allowed.js.
 

@@ -15,11 +15,11 @@ const isElsewhere = (warning) => !isAtNumber(warning) && !isOfBodies(warning);
 
 const card = (title, ...children) => h("section", { class: "card" }, h("h2", {}, title), ...children);
 
-/** The inputs as they were typed; without these, as they are computed. */
-const drawInputs = (typed, scenario) => card("Inputs", !typed && h("p", { class: "muted", id: "computed-inputs" }, "Only the owner sees what was typed. These values are computed from it.",
-  scenario.moduli && " E* and G* are the effective moduli of both bodies."), list(inputRows([typed ?? scenario]).map(({ id, name, texts: [text] }) => [name, text, id])));
+/** The inputs as they were typed; without these, as they are computed. `isHidden`: only the owner sees what was typed. */
+const drawInputs = (scenario, isHidden) => card("Inputs", isHidden && h("p", { class: "muted", id: "hidden-inputs" }, "Only the owner sees what was typed. These values are computed from it, such as the effective moduli of both bodies."),
+  list(inputRows([scenario]).map(({ id, name, texts: [text] }) => [name, text, id])));
 
-export function drawDetails(place, result, submitted, bodyWarnings) {
+export function drawDetails(place, result, { submitted, isHidden }, bodyWarnings) {
   const { scales, unworn, limit, units, events, accuracy, warnings, comparison, bodies, scenario } = result;
   const isRule = scenario.model.method === "simplified";
   const inUnits = (name, value) => unitFor(units[name], Math.max(sizeOf(result, name), Math.abs(value)))(value);
@@ -57,7 +57,7 @@ export function drawDetails(place, result, submitted, bodyWarnings) {
         `${inUnits("wear_depth", body.wear_depth.at(-1))}, ${inUnits("wear_volume", body.wear_volume.at(-1))}`],
       body.scar_half_length && [`Body ${i + 1} (${i ? "counterbody" : "with the profile"}), half-length of the scar`,
         inUnits("scar_half_length", body.scar_half_length.at(-1))]])), warnings.filter(isOfBodies).map((warning) => drawWarning(warning, { scenario }))),
-    drawInputs(submitted, scenario),
+    drawInputs(submitted ?? scenario, isHidden),
     asJson("Scenario", scenario),
   ].filter(Boolean));
 }

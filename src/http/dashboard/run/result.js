@@ -1,15 +1,15 @@
 // A result: profiles, history and fretting loop at a chosen output cycle.
 
 import { keepState } from "../page/address.js";
-import { choice, fill, h, select } from "../page/dom.js";
+import { fill, h } from "../page/dom.js";
 import { cycles, isLine, WORDS } from "../quantities/units.js";
-import { Cursors, Figure, restore, wordsOf } from "../figure/figure.js";
+import { choosing, Cursors, Figure, restore, wordsOf } from "../figure/figure.js";
 import { playButton } from "../figure/player.js";
 import { drawHistory, drawLoop, drawProfile, HISTORIES, historyTitle, nearest, PROFILES } from "../figure/run.js";
 import { drawActions } from "../library/actions.js";
 import { drawSource } from "../library/derived.js";
 import { jobsOf, jobWithSubmitted, loadResult, loadWarnings } from "../library/stored.js";
-import { beside } from "../library/owners.js";
+import { beside, isOwn } from "../library/owners.js";
 import { entryOf, kindOf, sourceOf, subtitle, title } from "../library/summary.js";
 import { editLink } from "../study/vary.js";
 import { measuring } from "../measure/measure.js";
@@ -26,7 +26,7 @@ async function loadJob(key, id, signal) {
   const jobs = await jobsOf(key, signal);
   const own = await jobWithSubmitted(id ?? jobs[0]?.id, signal);
   const named = own?.label ? own : jobs.find(({ label }) => label);
-  return { label: named?.label ?? "", owner: named?.owner, private: named?.private, submitted: own?.submitted, warnings: id && own?.warnings,
+  return { label: named?.label ?? "", owner: named?.owner, private: named?.private, submitted: own?.submitted, isHidden: !own?.submitted && !isOwn(own?.owner), warnings: id && own?.warnings,
     tags: [...new Set(jobs.flatMap(({ tags }) => tags))], others: [...new Set(jobs.map(({ label }) => label))].filter((label) => label && label !== named?.label),
     source: id ? sourceOf(own?.tags) : jobs.map(({ tags }) => sourceOf(tags)).find(Boolean) };
 }
@@ -63,10 +63,7 @@ function drawStamp(signal) {
 export async function showResult(main, { id: key, query, signal }) {
   const link = query.get("link");
   // Earlier versions compared two results here.
-  if (query.has("with")) {
-    const links = link ? { links: [link, query.get("withlink")] } : {};
-    return location.replace(`#/compare?${new URLSearchParams({ keys: [key, query.get("with")], ...links })}`);
-  }
+  if (query.has("with")) return location.replace(`#/compare?${new URLSearchParams({ keys: [key, query.get("with")], ...(link && { links: [link, query.get("withlink")] }) })}`);
   const [result, job] = await Promise.all([loadResult(key, link, signal), link ? { label: query.get("label"), typed: typedIn(query) } : loadJob(key, query.get("job"), signal)]);
   const kind = kindOf(result);
   const { trust, bodies } = await loadWarnings(key, link, signal);
@@ -121,16 +118,11 @@ export async function showResult(main, { id: key, query, signal }) {
   const missing = h("p", { class: "muted", id: "missing" });
   const details = h("div", { class: "cards" });
 
-  const choose = (name, label, options, figure) => {
-    const field = select(options, state[name], { id: `choose-${name}`, onchange: () => {
-      state[name] = field.value;
-      if (figures[figure]) figures[figure].zoom = null;
-      remember();
-      drawOutput();
-    } });
-    return choice(label, field);
+  const changed = () => {
+    remember();
+    drawOutput();
   };
-
+  const choose = choosing(state, figures, changed);
   const loopCard = h("section", { class: "card", "aria-label": "Fretting loop" },
     h("p", { class: "row muted" }, "Force over displacement in one cycle"),
     result.loops?.cycles.length ? figures.loop.element : noProfiles("loops"), ratios);
@@ -175,10 +167,7 @@ export async function showResult(main, { id: key, query, signal }) {
     h("div", { class: "plots" },
       h("section", { class: "card", "aria-label": "Profiles" },
         h("div", { class: "row" }, choose("plot", "Profile", Object.fromEntries(PROFILES.map((name) => [name, WORDS[name]]))),
-          result.profiles && [choose("scale", "Axes", { "": "Lengths", ratio: isLine(result.scenario.profile) ? "x/a₀" : "r/a₀, f/d₀" }, "profile"), profileMenu(result, state, { changed: () => {
-            remember();
-            drawOutput();
-          }, signal })]),
+          result.profiles && [choose("scale", "Axes", { "": "Lengths", ratio: isLine(result.scenario.profile) ? "x/a₀" : "r/a₀, f/d₀" }, "profile"), profileMenu(result, state, { changed, signal })]),
         result.profiles ? figures.profile.element : noProfiles("profiles"), outside),
       h("section", { class: "card", "aria-label": "History" },
         h("div", { class: "row" },
@@ -192,7 +181,7 @@ export async function showResult(main, { id: key, query, signal }) {
     details);
   const drawAll = () => {
     drawOutput();
-    drawDetails(details, result, job.submitted ?? job.typed, bodyWarnings);
+    drawDetails(details, result, { submitted: job.submitted ?? job.typed, isHidden: job.isHidden }, bodyWarnings);
   };
   drawAll();
   remember();

@@ -18,17 +18,15 @@ const OPEN = ["queued", "running", "canceling"];
 const ANNOUNCEMENTS = { queued: "The run is queued again.", running: "The run started.", canceling: "The run is being canceled.",
   succeeded: "The run succeeded.", failed: "The run failed.", canceled: "The run was canceled." };
 
-/** Estimates the remaining time from the progress that this page has seen. A new attempt starts again at zero. */
-class RemainingTime {
-  #first = null;
-
-  /** The remaining seconds; null while too little progress is seen. */
-  seconds({ progress, attempt }) {
+/** A function that estimates the remaining seconds from the progress that it has seen; null while that is too little. A new attempt starts again at zero. */
+function remainingTime() {
+  let first;
+  return ({ progress, attempt }) => {
     const now = performance.now();
-    if (this.#first?.attempt !== attempt) this.#first = { attempt, progress, now };
-    const [done, seconds] = [progress - this.#first.progress, (now - this.#first.now) / 1000];
+    if (first?.attempt !== attempt) first = { attempt, progress, now };
+    const [done, seconds] = [progress - first.progress, (now - first.now) / 1000];
     return done > 0.02 && seconds > 2 ? (seconds / done) * (1 - progress) : null;
-  }
+  };
 }
 
 export async function showRun(main, { id, query, signal }) {
@@ -37,7 +35,7 @@ export async function showRun(main, { id, query, signal }) {
   const first = job;
   const { scenario } = job;
   const name = nameOf(job);
-  const remaining = new RemainingTime();
+  const remaining = remainingTime();
   const state = h("strong", { id: "state" });
   const bar = h("progress", { max: 1, "aria-label": "Progress" });
   const percentage = h("span", {});
@@ -51,18 +49,12 @@ export async function showRun(main, { id, query, signal }) {
   let continued = null;
   const form = editLink(job);
   const edit = h("a", { href: form, hidden: !form }, "Edit and run again");
-  const cancel = h("button", { type: "button", id: "cancel", onclick: async () => {
-    cancel.disabled = true;
-    try {
-      const canceled = await post(`${address}/cancel`);
-      // The event stream may already have reported a later state.
-      if (OPEN.includes(job.state)) job = canceled;
-      draw();
-    } catch (problem) {
-      notify(problem.detail ?? problem.message);
-      cancel.disabled = false;
-    }
-  } }, "Cancel");
+  const cancel = button("Cancel", async () => {
+    const canceled = await post(`${address}/cancel`);
+    // The event stream may already have reported a later state.
+    if (OPEN.includes(job.state)) job = canceled;
+    draw();
+  }, { id: "cancel" });
 
   function draw() {
     state.textContent = job.state;
@@ -86,7 +78,7 @@ export async function showRun(main, { id, query, signal }) {
   function drawTimes() {
     const { created, started, finished } = job.times;
     const elapsed = started && Math.max(0, (Date.parse(finished ?? new Date()) - Date.parse(started)) / 1000);
-    const left = job.state === "running" ? remaining.seconds(job) : null;
+    const left = job.state === "running" ? remaining(job) : null;
     fill(times, list([
       ["Submitted", [dateTime(created), beside(job.owner)]],
       job.state === "queued" && ["Waiting for", "A free worker. Users take turns."],

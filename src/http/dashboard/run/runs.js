@@ -1,7 +1,7 @@
 // All runs of the server: also those that wait, failed or were canceled.
 
 import { keepState } from "../page/address.js";
-import { button, capital, choice, dateTime, debounced, h, notify, select } from "../page/dom.js";
+import { button, capital, choice, dateTime, debounced, h, select } from "../page/dom.js";
 import { columnOf } from "../quantities/scaling.js";
 import { may } from "../access/allowed.js";
 import { get, jobAddress, post, send, viewOf } from "../access/api.js";
@@ -10,7 +10,6 @@ import { beside, Everybody, isOwn } from "../library/owners.js";
 import { draftMark, DRAFTS, isDraft, knownName, loadNames } from "../library/summary.js";
 
 const REFRESH_MS = 2000;
-const OLDEST = "created";
 const OPEN = ["queued", "running", "canceling"];
 const STATES = [...OPEN, "succeeded", "failed", "canceled"];
 /** How a job got its result. */
@@ -26,24 +25,14 @@ export async function showRuns(main, { query, signal }) {
   const words = h("input", { id: "find-runs", type: "search", value: query.get("q") ?? "", autocomplete: "off", oninput: debounced(200, search),
     placeholder: "Words in labels, tags and notes", "aria-label": "Search in labels, tags and notes" });
   const everybody = new Everybody("owner", query, search);
-  let sort = query.get("sort") ?? "";
   let older = [], next = null;
-  const submitted = h("th", { scope: "col" }, h("button", { type: "button", class: "sort", onclick: () => {
-    sort = sort ? "" : OLDEST;
-    search();
-  } }, "Submitted"));
 
-  /** The filters without the order. */
   const filters = () => new URLSearchParams(Object.entries({ q: words.value.trim(), state: state.value }).filter(([, text]) => text));
-  function ordered(all) {
-    if (sort) all.set("sort", sort);
-    return all;
-  }
-  const asked = () => ordered(everybody.restrict(filters()));
+  const asked = () => everybody.restrict(filters());
 
   function search() {
     if (signal.aborted) return;
-    const kept = ordered(everybody.keep(filters()));
+    const kept = everybody.keep(filters());
     keepState(`#/runs${kept.size ? `?${kept}` : ""}`);
     older = [];
     read();
@@ -60,7 +49,6 @@ export async function showRuns(main, { query, signal }) {
     const own = String(asked());
     const page = await get(`/v1/jobs?${own}&limit=50`, { signal });
     if (own !== String(asked())) return;
-    submitted.setAttribute("aria-sort", sort ? "ascending" : "descending");
     if (older.length === 0) next = page.next;
     const shown = new Set(page.jobs.map((job) => job.id));
     // A draft that was canceled, because its form changed, is of no use.
@@ -90,10 +78,8 @@ export async function showRuns(main, { query, signal }) {
       h("td", {}, dateTime(job.times.created)),
       h("td", {}, done && ORIGINS[job.origin]),
       h("td", {}, job.summary && volume(job.summary.wear_volume)),
-      h("td", {}, may(isOwn(job.owner) ? "submit" : "administrate") && OPEN.includes(job.state) && h("button", { type: "button", "data-job": job.id, onclick: async () => {
-        await post(jobAddress(job.id, "/cancel")).catch((problem) => notify(problem.detail));
-        read();
-      }, "aria-label": `Cancel ${knownName(job) ?? job.id}` }, "Cancel")));
+      h("td", {}, may(isOwn(job.owner) ? "submit" : "administrate") && OPEN.includes(job.state)
+        && button("Cancel", () => post(jobAddress(job.id, "/cancel")).finally(read), { "data-job": job.id, "aria-label": `Cancel ${knownName(job) ?? job.id}` })));
   }
 
   await read();
@@ -102,8 +88,8 @@ export async function showRuns(main, { query, signal }) {
   main.replaceChildren(h("div", { class: "head" }, h("h1", {}, "Runs"), words,
     choice("State", state), everybody.element, save),
   h("div", { class: "card scroll", tabIndex: 0, role: "region", "aria-label": "Runs" },
-    h("table", { class: "jobs" }, h("thead", {}, h("tr", {}, ["Run", "State", submitted, "Result", "Wear volume"].map((name) =>
-      name === submitted ? name : h("th", { scope: "col" }, name)), h("td", {}))), list), empty), drafts, more);
+    h("table", { class: "jobs" }, h("thead", {}, h("tr", {}, ["Run", "State", "Submitted", "Result", "Wear volume"].map((name) =>
+      h("th", { scope: "col" }, name)), h("td", {}))), list), empty), drafts, more);
 
   const timer = setInterval(() => document.hidden || read().catch(() => {}), REFRESH_MS);
   addEventListener("focus", () => read().catch(() => {}), { signal });

@@ -1,6 +1,6 @@
 // The warnings of a run: which number each concerns, what it means for this number, and which field of the form makes it more certain.
 
-import { explained, h } from "../page/dom.js";
+import { explained, h, small } from "../page/dom.js";
 import { cycles, digits, percent, quantity } from "../quantities/units.js";
 
 /** For each kind of warning, the number that it concerns and the fields that help, none of which changes what is asked. Other kinds stand in the cards below. */
@@ -29,8 +29,7 @@ export function visit(field) {
 
 /** A button for each place of the form that has a field now: pointers of numbers, or ids of lists. */
 export const fieldLinks = (places) => places.map((place) => [place, fieldAt(place)]).filter(([, field]) => field)
-  .map(([place, field]) => [" ", h("button", { type: "button", class: "vary", onclick: () => visit(fieldAt(place)) },
-    `Change: ${field.dataset.name ?? field.labels[0].textContent}`)]);
+  .map(([place, field]) => [" ", small(`Change: ${field.dataset.name ?? field.labels[0].textContent}`, () => visit(fieldAt(place)))]);
 
 /** Above this peak pressure in Pa, a page without yield strengths says so: few steels have a yield strength of 2 GPa. */
 const HIGH_PRESSURE = 3.2e9;

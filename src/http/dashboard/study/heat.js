@@ -149,10 +149,10 @@ export const plane = (view, { across, up, output, rows, boundary, later, regions
   const grid = gridOf(table, rows, [across, up], axes.map(({ values }) => values));
   const places = axes.map(({ values }, i) => values.map([plan.horizontal, plan.vertical][i].at));
   const lines = hasBar ? contours(places, grid.map((line) => line.map((row) => scaled(column[row] ?? NaN))), bar.ticks.map(({ value }) => scaled(value))).map((d, i) => ({ d, name: bar.ticks[i].text })).filter(({ d }) => d) : [];
-  const edge = boundary && output ? [svg("path", { d: `M${boundary.map(({ x, y }) => `${px(plan.horizontal.at(x))} ${px(plan.vertical.at(y))}`).join("L")}`, fill: "none", stroke: "#ffffff", "stroke-width": 2, "stroke-dasharray": "6 4", class: "boundary" })] : [];
+  const through = (points) => `M${points.map(({ x, y }) => `${px(plan.horizontal.at(x))} ${px(plan.vertical.at(y))}`).join("L")}`;
+  const edge = boundary && output ? [svg("path", { d: through(boundary), fill: "none", stroke: "#ffffff", "stroke-width": 2, "stroke-dasharray": "6 4", class: "boundary" })] : [];
   if (later?.length > 0) {
-    const d = `M${later.map(({ x, y }) => `${px(plan.horizontal.at(x))} ${px(plan.vertical.at(y))}`).join("L")}`;
-    edge.push(svg("path", { d, fill: "none", stroke: output ? "#ffffff" : "var(--ink)", "stroke-width": 1, class: "later" }), ...namesOfEdges([boundary, later], plan));
+    edge.push(svg("path", { d: through(later), fill: "none", stroke: output ? "#ffffff" : "var(--ink)", "stroke-width": 1, class: "later" }), ...namesOfEdges([boundary, later], plan));
   }
   const items = grid.flatMap((line, j) => line.flatMap((row, i) => (row === undefined ? [] : [{ x: places[0][i], y: places[1][j], row, values: () => valuesOf(row) }])));
   return {

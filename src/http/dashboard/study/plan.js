@@ -1,18 +1,17 @@
 // The axes and the marks that the figures of studies share.
 
 import { svg } from "../page/dom.js";
-import { placeAxis } from "../figure/axis.js";
+import { logEnds, placeAxis } from "../figure/axis.js";
 import { extent } from "../figure/curves.js";
+import { px } from "../figure/draw.js";
 import { widthOf } from "../figure/labels.js";
 
+export { px };
 /** Height of a line of text, and room that a tick with its label needs, in px. */
 export const LINE = 15;
 const TICK = { x: 68, y: 38 };
 /** Left end of a figure without a vertical axis, in px. */
 const EDGE = 12;
-
-/** A number of px with one decimal. */
-export const px = (value) => Math.round(value * 10) / 10;
 
 export const text = (x, y, content, more = {}) => svg("text", { x: px(x), y: px(y), fill: "var(--ink)", "font-size": 12, ...more }, content);
 
@@ -38,10 +37,7 @@ export function isWide(values) {
 /** Ends that contain all values, with a margin. */
 export function endsOf(values, log) {
   const [low, high] = extent([values], (value) => !log || value > 0) ?? [0, 1];
-  if (log) {
-    const margin = low === high ? 2 : (high / low) ** 0.03;
-    return [low / margin, high * margin];
-  }
+  if (log) return logEnds([low, high]);
   const margin = high > low ? 0.03 * (high - low) : 0.1 * (Math.abs(high) || 1);
   return [low >= 0 && low < 3 * margin ? 0 : low - margin, high + margin];
 }

@@ -8,10 +8,10 @@ import { percentile } from "../figure/curves.js";
 import { histogram } from "./bars.js";
 import { Chart } from "./chart.js";
 
-/** The statistics of the API, with their words. */
-const STATISTICS = [["mean", "Mean"], ["standard_deviation", "Standard deviation"], ["minimum", "Least"],
-  ["percentile_2_5", "2.5th percentile"], ["percentile_5", "5th percentile"], ["percentile_10", "10th percentile"], ["percentile_25", "25th percentile"], ["median", "Median"],
-  ["percentile_75", "75th percentile"], ["percentile_90", "90th percentile"], ["percentile_95", "95th percentile"], ["percentile_97_5", "97.5th percentile"], ["maximum", "Largest"]];
+/** The statistics of the API, with their words, and the share of the points below each percentile. */
+const STATISTICS = [["mean", "Mean"], ["standard_deviation", "Standard deviation"], ["minimum", "Least", 0],
+  ["percentile_2_5", "2.5th percentile", 0.025], ["percentile_5", "5th percentile", 0.05], ["percentile_10", "10th percentile", 0.1], ["percentile_25", "25th percentile", 0.25], ["median", "Median", 0.5],
+  ["percentile_75", "75th percentile", 0.75], ["percentile_90", "90th percentile", 0.9], ["percentile_95", "95th percentile", 0.95], ["percentile_97_5", "97.5th percentile", 0.975], ["maximum", "Largest", 1]];
 /** The statistics beside the histogram. */
 const TILES = STATISTICS.map(([name]) => name).filter((name) => name !== "minimum" && name !== "maximum");
 /** The lines in the histogram. Those without a name are faint: their names would cover their neighbours. */
@@ -24,7 +24,6 @@ function ofOutput(columns, output) {
   return Object.fromEntries(Object.entries(columns).map(([name, values]) => [name, rows.map((row) => values[row])]));
 }
 
-const SHARES = { minimum: 0, percentile_2_5: 0.025, percentile_5: 0.05, percentile_10: 0.1, percentile_25: 0.25, median: 0.5, percentile_75: 0.75, percentile_90: 0.9, percentile_95: 0.95, percentile_97_5: 0.975, maximum: 1 };
 const MAX_BINS = 50;
 
 /** The statistics of the outputs of a view, as the server computes those of a result. Only the server knows intervals of percentiles. */
@@ -38,7 +37,7 @@ export function summarized({ outputs, table }) {
     if (n === 0) continue;
     const mean = values.reduce((sum, value) => sum + value / n, 0);
     add(statistics, { output, points: n, mean, standard_deviation: n > 1 ? Math.sqrt(values.reduce((sum, value) => sum + (value - mean) ** 2 / (n - 1), 0)) : null,
-      ...Object.fromEntries(Object.entries(SHARES).map(([name, share]) => [name, percentile(values, share)])) });
+      ...Object.fromEntries(STATISTICS.filter(([, , share]) => share !== undefined).map(([name, , share]) => [name, percentile(values, share)])) });
     const [low, high] = [values[0], values[n - 1]];
     const count = high > low ? Math.min(MAX_BINS, Math.ceil(Math.sqrt(n))) : 1;
     const place = (value) => (high > low ? Math.min(count - 1, Math.floor(count * (value - low) / (high - low))) : 0);

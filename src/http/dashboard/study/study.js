@@ -76,6 +76,4 @@ export async function showStudy(main, result, { job, link, trust, query, tell, s
 }
 
 /** The counts of the points in words. */
-function countsOf({ points, refused, incomplete }) {
-  return [`${cycles(points)} points`, refused && `${cycles(refused)} invalid`, incomplete && `${cycles(incomplete)} with missing outputs`].filter(Boolean).join(", ");
-}
+const countsOf = ({ points, refused, incomplete }) => [`${cycles(points)} points`, refused && `${cycles(refused)} invalid`, incomplete && `${cycles(incomplete)} with missing outputs`].filter(Boolean).join(", ");
