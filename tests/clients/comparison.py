@@ -260,13 +260,15 @@ def derived(page, base, key):
     page.wait_for_selector("#headline dd")
     page.get_by_role("link", name="Edit and run again").click()
     page.fill("#friction", "0.57")
+    # A result does not contain the yield strengths, and nothing of it follows from them.
+    page.fill("#bodies-0-yield_strength", "3 GPa")
     page.fill("#label", "Edited")
     expect(page.locator("button.primary")).to_be_enabled()
     page.reload()
     expect(page.locator("#friction")).to_have_value("0.57")
     page.click("button.primary")
     page.wait_for_url("**/#/result/*")
-    expect(page.locator("#derived")).to_have_text("Derived from As it is: Friction coefficient μ 0.7 → 0.57. Compare both")
+    expect(page.locator("#derived")).to_have_text("Derived from As it is: Friction coefficient μ 0.7 → 0.57; Body 1: yield strength – → 3\u00a0GPa. Compare both")
     own = key_of(page)
     assert ask(base, f"/v1/jobs?tag=from:{key}")["jobs"][0]["key"] == own
     # Also without the id of the job.
@@ -274,7 +276,7 @@ def derived(page, base, key):
     page.goto(f"{base}/#/result/{own}")
     page.locator("#derived").get_by_role("link", name="Compare both").click()
     expect(page.locator("#compared thead .name")).to_have_text(["As it is", "Edited"])
-    expect(page.locator("#compared tbody").first.locator("th[scope=row]")).to_have_text(["Friction coefficient μ"])
+    expect(page.locator("#compared tbody").first.locator("th[scope=row]")).to_have_text(["Friction coefficient μ", "Body 1: yield strength"])
     # The address of earlier versions leads here.
     page.goto(f"{base}/#/result/{key}?with={own}")
     page.wait_for_url("**/#/compare?*")

@@ -433,6 +433,11 @@ def figure_3(browser):
     expect(page.locator("section[aria-label=Profiles] .curve")).to_have_count(2)
     page.locator("#compared .name").first.click()
     expect(page.locator("#about-example")).to_contain_text("counts a slip path of U")
+    profiles = page.locator("section[aria-label=Profiles] .drawing")
+    expect(profiles).to_contain_text("Limit")
+    page.click("#profile-menu summary")
+    page.get_by_label("Limit", exact=True).uncheck()
+    expect(profiles).not_to_contain_text("Limit")
     page.context.close()
 
 
@@ -533,8 +538,8 @@ def keyboard(browser):
     page.keyboard.press("Enter")
     settled(page)
     assert "#/new" in page.url, page.url
-    # Ctrl+Enter keeps it, also with the focus on a button.
-    page.focus("#undo")
+    # Ctrl+Enter keeps it, also if no field has the focus.
+    page.evaluate("document.activeElement.blur()")
     page.keyboard.press("Control+Enter")
     page.wait_for_url("**/#/result/*")
     assert get(f"/v1/results/{key_of(page)}")["scenario"]["friction"] == 0.62

@@ -381,6 +381,15 @@ def canceled(page, base):
     expect(page.locator("#state")).to_have_text("canceled")
     page.goto(f"{base}/#/run/{job['id']}")
     page.wait_for_selector("#study tbody tr")
+    # While it continues, or when it has its result, its page leads there.
+    expect(page.get_by_role("button", name="Continue")).to_be_visible()
+    later = ask(base, "/v1/jobs", body, wait=False)
+    page.reload()
+    page.get_by_role("link", name="Open its continuation").click()
+    page.wait_for_url(lambda address: job["id"] not in address)
+    ask(base, f"/v1/jobs/{later['id']}/cancel", method="POST", wait=False)
+    page.goto(f"{base}/#/run/{job['id']}")
+    page.wait_for_selector("#study tbody tr")
     # A point of a study without a result opens its run, too.
     page.get_by_role("button", name="Open the run of point 1", exact=True).click()
     opened_run(page, 0, found)

@@ -146,17 +146,19 @@ def papers(browser, base):
     rule = rule["profiles"]
     content = saved(page, "Profiles", "CSV")
     own, scales = result["profiles"], result["scales"]
-    for cycles, text in ((1000, "1\u202f000"), (100_000, "100\u202f000")):
-        near(column_of(content, f"N = {text} (1)"), [height / scales["indentation_depth"] for height in own["worn"][own["cycles"].index(cycles)]])
-        near(column_of(content, f"N = {text}, Simplified rule, ξ = 0.9 (1)"), [height / scales["indentation_depth"] for height in rule["worn"][rule["cycles"].index(cycles)]])
+    for cycles in (1000, 100_000):
+        text = f"N/N₀ = {cycles / scales['cycles']:.3g}"
+        near(column_of(content, f"{text} (1)"), [height / scales["indentation_depth"] for height in own["worn"][own["cycles"].index(cycles)]])
+        near(column_of(content, f"{text}, Simplified rule, ξ = 0.9 (1)"), [height / scales["indentation_depth"] for height in rule["worn"][rule["cycles"].index(cycles)]])
     near(column_of(content, "Radius (1)"), [radius / scales["contact_radius"] for radius in own["radius"]])
     # Names and order, which the address keeps.
     menu = profiles.locator("details.save")
     menu.locator("summary").click()
-    type_into(page, menu.get_by_label("Name of N = 10\u202f000", exact=True), "after a day")
+    middle = f"N/N₀ = {10_000 / scales['cycles']:.3g}"
+    type_into(page, menu.get_by_label(f"Name of {middle}", exact=True), "after a day")
     names = "inputs => inputs.map(({value}) => value)"
     before = menu.locator(".names input").evaluate_all(names)
-    menu.get_by_role("button", name="Move N = 10\u202f000 up", exact=True).click()
+    menu.get_by_role("button", name=f"Move {middle} up", exact=True).click()
     after = menu.locator(".names input").evaluate_all(names)
     place = before.index("after a day")
     assert after.index("after a day") == place - 1 and sorted(after) == sorted(before), (before, after)

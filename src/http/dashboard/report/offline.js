@@ -31,9 +31,9 @@ export const may = () => false;
 
 // In place of quantities/system.js: a served report may not read what the page keeps.
 
-let isOwn = isSi;
-export const si = () => isOwn;
-export const useSi = (yes) => (isOwn = yes);
+let isChosen = isSi;
+export const si = () => isChosen;
+export const useSi = (yes) => (isChosen = yes);
 
 // In place of measure/measure.js and measure/dialog.js.
 

@@ -167,7 +167,7 @@ export async function showResult(main, { id: key, query, signal }) {
     h("div", { class: "plots" },
       h("section", { class: "card", "aria-label": "Profiles" },
         h("div", { class: "row" }, choose("plot", "Profile", Object.fromEntries(PROFILES.map((name) => [name, WORDS[name]]))),
-          result.profiles && [choose("scale", "Axes", { "": "Lengths", ratio: isLine(result.scenario.profile) ? "x/a₀" : "r/a₀, f/d₀" }, "profile"), profileMenu(result, state, { changed, signal })]),
+          result.profiles && [choose("scale", "Axes", { "": "Lengths", ratio: isLine(result.scenario.profile) ? "x/a₀, N/N₀" : "r/a₀, f/d₀, N/N₀" }, "profile"), profileMenu(result, state, { changed, signal })]),
         result.profiles ? figures.profile.element : noProfiles("profiles"), outside),
       h("section", { class: "card", "aria-label": "History" },
         h("div", { class: "row" },
