@@ -104,6 +104,7 @@ def sort(page, base):
 
 def whole_texts(page, base):
     """No number of the usual columns is cut, nor a tag or a date, and all columns fit on a usual screen."""
+    page.set_viewport_size({"width": 1280, "height": 720})
     page.goto(base + "/#/library")
     expect(names(page).first).to_be_visible()
     # A wide date, whatever today is.
@@ -111,6 +112,7 @@ def whole_texts(page, base):
     cut = page.locator(".library tbody td:is(.number, .tags, .created)").evaluate_all("cells => cells.filter((cell) => cell.scrollWidth > cell.clientWidth).map((cell) => cell.innerText)")
     assert not cut, cut
     assert page.evaluate("(({ scrollWidth, clientWidth }) => scrollWidth <= clientWidth)(document.querySelector('.results'))")
+    page.set_viewport_size({"width": 1440, "height": 900})
     page.click("summary:has-text('Filters')")
     assert "Sweep or random sample" in page.locator("#find-kind").inner_text()
 
