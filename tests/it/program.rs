@@ -232,6 +232,7 @@ fn a_place_that_cannot_be_written_is_refused_before_anything_is_read_or_computed
     std::fs::write(&file, "mine").unwrap();
     let inside = |name| file.join(name).to_str().unwrap().to_owned();
     let (json, svg, html) = (inside("x.json"), inside("x.svg"), inside("x.html"));
+    std::fs::write(dir.path().join("fretwork.db"), "").unwrap();
     let data = dir.path().to_str().unwrap();
     for words in [
         &["man", &json][..],

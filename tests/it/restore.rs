@@ -134,7 +134,10 @@ async fn a_directory_keeps_the_newest_backups_and_what_is_none() {
     let output = run(&["backup", text(&dir), "--keep", "1", "--data-dir", text(data.path())], "");
     assert_eq!(output.status.code(), Some(2), "{}", said(&output));
     assert_eq!(names(&dir).len(), kept.len() + 1);
-    fails(&run(&["backup", &format!("{}/", text(&dir)), "--data-dir", text(&dir)], ""), "no file");
+    fails(
+        &run(&["backup", &format!("{}/", text(&dir)), "--data-dir", text(&dir)], ""),
+        "contains no database",
+    );
 }
 
 #[tokio::test]
