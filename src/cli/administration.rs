@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::io::{self, Write as _};
 
-use super::printing::{Error, print, say};
+use super::printing::{Error, counted, print, say};
 use super::runtime::block_on;
 use crate::config::{AddKey, Data, Keys};
 use crate::telemetry::Logging;
@@ -46,9 +46,7 @@ pub fn audit(data: &Data) -> Result<(), Error> {
 pub fn existing(data: &Data) -> Result<Place, Error> {
     let place = data.place()?;
     if !Administration::is_at(&place) {
-        return Err(
-            format!("{place} contains no database; name its directory with --data-dir").into()
-        );
+        return Err(format!("{place} contains no database; name it with --data-dir").into());
     }
     Ok(place)
 }
@@ -149,8 +147,7 @@ async fn revoke(name: &str, data: &Data) -> Result<(), Error> {
             "no valid access key has the id or the name {name}; `fretwork keys list` shows all keys"
         )
         .into()),
-        1 => Ok(writeln!(io::stdout(), "1 key revoked")?),
-        count => Ok(writeln!(io::stdout(), "{count} keys revoked")?),
+        count => Ok(writeln!(io::stdout(), "{} revoked", counted(count as u64, "key"))?),
     }
 }
 

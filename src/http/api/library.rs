@@ -272,8 +272,7 @@ pub(super) fn read<T: Deserr<Faults>>(body: &Body) -> Result<T> {
 
 /// Who changes a note, and which one it has read.
 fn annotator(caller: &Caller, headers: &HeaderMap) -> Annotator {
-    let tags = || words(headers, IF_MATCH).map(str::to_owned).collect();
-    let read = headers.contains_key(IF_MATCH).then(tags);
+    let read = headers.get(IF_MATCH).map(|_| words(headers, IF_MATCH).map(str::to_owned).collect());
     Annotator { by: caller.actor(), private: caller.private, read }
 }
 

@@ -76,12 +76,11 @@ const POLICY: &str = "default-src 'none'; style-src 'self'; img-src 'self'; fram
 static ASSETS: Assets = Assets {
     all: LazyLock::new(|| {
         let page = |(path, text): &(&str, &str)| {
-            if path.starts_with("deploy/") {
-                Asset::new(name_of(path), "text/plain; charset=utf-8", text.as_bytes())
-            } else {
-                let text = render(path, text);
-                Asset::new(name_of(path), "text/html; charset=utf-8", text.as_bytes())
-            }
+            let is_page = !path.starts_with("deploy/");
+            let kind =
+                if is_page { "text/html; charset=utf-8" } else { "text/plain; charset=utf-8" };
+            let text = if is_page { render(path, text) } else { (*text).to_owned() };
+            Asset::new(name_of(path), kind, text.as_bytes())
         };
         PAGES.iter().map(page).collect()
     }),
