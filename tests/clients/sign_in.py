@@ -278,7 +278,7 @@ def colleagues(browser, own):
         anna.get_by_label("Only I see the name").set_checked(is_private)
         anna.locator("button.primary:enabled").click()
         anna.wait_for_url("**/#/result/*")
-        expect(anna.locator("#result-label")).to_have_text(name)
+        expect(anna.locator("#result-label")).to_have_text(f"{name} (private name)" if is_private else name)
         if not is_private:
             result = anna.url
             note(anna, "Agrees with the shaft.")
@@ -330,7 +330,7 @@ def colleagues(browser, own):
     # A link shows guests no private name.
     anna.goto(own.base + "/#/library?q=rim")
     anna.locator(".entry th a").click()
-    expect(anna.locator("#result-label")).to_have_text("Gear rim")
+    expect(anna.locator("#result-label")).to_have_text("Gear rim (private name)")
     anna.wait_for_selector("#headline dd")
     assert "label=" not in share(anna)
     for page in (anna, ben):

@@ -399,7 +399,7 @@ export async function showForm(main, { query: asked, signal }) {
       h("div", { class: "bar run" }, skip, heading,
         h("div", { class: "field", hidden: !may("read") }, h("label", { for: "example" }, "Start from"), chooseExample),
         h("div", { class: "field" }, h("label", { for: "label" }, "Name"), labelField), signedIn() && may("submit") && h("label", { class: "option",
-          title: "Others do not see this run, its name and its tags. Administrators do." }, privately, h("span", {}, "Only I see the name", h("span", { class: "small" }, "The numbers stay visible to all"))), undoButton, may("submit") && keep),
+          title: "Others do not see the name, the tags, and whose run it is. Administrators do." }, privately, h("span", {}, "Only I see the name", h("span", { class: "small" }, "All users see the inputs and the numbers"))), undoButton, may("submit") && keep),
       kept?.element, aboutExample,
       h("div", { class: "two" }, left, side)));
   // The unit of a number without a unit follows the choice.

@@ -146,7 +146,7 @@ const drafts = new Map();
 async function askNote(text, draft, change) {
   const field = h("textarea", { id: "note", rows: 4, maxLength: 4000, value: drafts.get(draft) ?? text, oninput: () => drafts.set(draft, field.value) });
   const sure = await isSure("Note", [change && h("p", { class: "warning" }, change), h("label", { for: "note" }, "Note on this result"), field,
-    h("p", { class: "muted" }, drafts.has(draft) && "This text is not saved yet. ", caller().private ? "Only you see the note." : "All users of this server see the note.")], "Save");
+    h("p", { class: "muted" }, drafts.has(draft) && "This text is not saved yet. ", caller().private ? "Only you see the note." : "All users of this server see the note and your name, also if the name of the run is private.")], "Save");
   if (sure === false) drafts.delete(draft);
   return sure ? field.value.trim() : null;
 }

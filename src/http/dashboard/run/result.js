@@ -154,7 +154,7 @@ export async function showResult(main, { id: key, query, signal }) {
   fill(main,
     h("div", { class: "head" }, h("div", {},
       h("h1", {}, heading),
-      job.label && h("p", { id: "result-label" }, job.label, beside(job.owner)),
+      job.label && h("p", { id: "result-label" }, job.label, job.private && " (private name)", beside(job.owner)),
       job.others?.length > 0 && h("p", { class: "muted", id: "other-names" }, `Also saved as ${job.others.map((label) => `“${label}”`).join(", ")}`),
       derived,
       h("p", { class: "muted" }, subtitle(entryOf(result))),
