@@ -38,7 +38,7 @@ export class Everybody {
   /** Says in `place` why a list of such things is empty. */
   explain(place, things, hasFilters) {
     const all = this.value && small("Show those of all users", () => this.box.click());
-    fill(place, hasFilters ? "No match. Change the search or the filters. " : this.value ? "None of yours. " : `No ${things} yet. `, all || (!hasFilters && may("submit") && h("a", { href: "#/new" }, "Start a run")));
+    fill(place, hasFilters ? "No match. Change the search or the filters. " : this.value ? "None of yours. " : `No ${things} yet. `, all, !hasFilters && may("submit") && [all && " or ", h("a", { href: "#/new" }, all ? "start a run" : "Start a run")]);
   }
 
   /** Adds the choice to an address. */
