@@ -50,7 +50,7 @@ pub(super) async fn visible(app: &App, caller: &Caller, id: &str) -> Result<Job>
     job.filter(|job| caller.reach().sees(&job.owner, job.private)).ok_or_else(unknown)
 }
 
-/// The job with this id, if the caller may change it. If the change is open, whoever sees the job may make it.
+/// The job with this id, if the caller may change it. An open change may be made by every caller who sees the job.
 async fn changeable(app: &App, caller: &Caller, id: &str, is_open: bool) -> Result<JobId> {
     let job = visible(app, caller, id).await?;
     if is_open || caller.reach().may_change(&job.owner) {

@@ -178,7 +178,7 @@ mod tests {
         assert!(asked.is_none(), "the claim for ada was for the same owners, and futile");
         let (owner, asked) = next(&parking, "a");
         assert_eq!((owner, parking.pieces.lock().len()), ("a".into(), 1));
-        assert!(asked.is_none(), "nobody has less");
+        assert!(asked.is_none(), "no owner has less usage than a");
     }
 
     #[test]

@@ -87,7 +87,7 @@ function decadeTicks(low, high, decades, count) {
   const isPlain = first >= SMALLEST_PLAIN && last <= LARGEST_PLAIN + (count >= ROOMY ? 1 : 0);
   const every = Math.max(1, Math.ceil(decades / count));
   const isRoomy = count >= (last < LARGEST_PLAIN ? 4 : ROOMY);
-  // With one or two labels, nobody sees that the axis is logarithmic.
+  // One or two labels do not show that the axis is logarithmic.
   const isBare = count >= 3 && Math.floor(Math.log10(high) + 1e-9) - Math.ceil(Math.log10(low) - 1e-9) < 2;
   const named = decades < 1.2 && isRoomy ? [1, 2, 3, 5, 7] : decades < 2.2 && (isRoomy || isBare) ? [1, 2, 5] : [1];
   const text = (exponent, digit) => {
