@@ -80,7 +80,10 @@ async fn add(new: AddKey) -> Result<(), Error> {
     writeln!(err, "This is the key of {name} ({role}). It is not shown again. Send it as")?;
     writeln!(err, "  Authorization: Bearer {}…", &key[..key.len().min(18)])?;
     if new_database {
-        writeln!(err, "{place} contained no database. A new one was created.")?;
+        writeln!(
+            err,
+            "{place} contained no database, so this made one. If yours is elsewhere, use --data-dir."
+        )?;
     }
     if first {
         writeln!(err, "This is the first key. From now on the server on {place} requires a key.")?;

@@ -6,6 +6,7 @@ use std::path::Path;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
+use rustls::CertificateError::NotValidForNameContext;
 use rustls::{Error as TlsError, InvalidMessage};
 use serde::Deserialize;
 use serde_json::Value;
@@ -205,9 +206,15 @@ impl Client {
             (_, Some(TlsError::InvalidMessage(InvalidMessage::InvalidContentType))) => format!(
                 "the server at {base} does not speak TLS. Enter an address that begins with http://"
             ),
+            (_, Some(TlsError::InvalidCertificate(NotValidForNameContext { .. }))) => {
+                format!("the certificate of {base} has other names. Enter one of them")
+            }
             (_, Some(error)) => format!(
                 "{base} is not secure: {error}. Name the certificates of your own authority in SSL_CERT_FILE"
             ),
+            (Failure::Rustls(error), _) => {
+                format!("{error}. Name a readable file of certificates in SSL_CERT_FILE")
+            }
             (Failure::BadUri(_) | Failure::Http(_), _) => format!("{base} is not a URL: {error}"),
             _ => format!(
                 "no server answers at {base}: {error}. Is it running? Enter the address of a running server in the \
@@ -235,6 +242,9 @@ pub fn refused(reply: &Reply, file: Option<&Path>) -> Ended {
     if lines.is_empty() {
         let mut line = match problem["detail"].as_str() {
             Some(detail) => detail.to_owned(),
+            None if matches!(reply.status, 502..505) => {
+                "a proxy answers, but no fretwork behind it. Start fretwork".to_owned()
+            }
             None => format!("the server answers {}. Check FRETWORK_URL", reply.status),
         };
         if reply.status == 401 {

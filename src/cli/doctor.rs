@@ -42,29 +42,30 @@ pub fn doctor(settings: &Remote) -> Result<(), Error> {
     let has_tls = client.base.starts_with("https://");
     find("encryption", is_private(&client.base), if has_tls { "TLS" } else { "none" })?;
 
-    // A lie, which a proxy must replace. The cookie of a session shows what the server believes.
-    let lie = ("x-forwarded-proto", if has_tls { "http" } else { "https" });
-    let session = client.once("POST", "/v1/session", &[lie])?;
-    if let Some((cookie, rules)) = session.header("set-cookie").split_once(';') {
-        client.once("DELETE", "/v1/session", &[lie, ("cookie", cookie)])?;
-        let is_secure = rules.contains("Secure");
-        let words = if is_secure { "uses" } else { "does not use" };
-        let words = format!("the server believes that this client {words} TLS");
-        find("proxy", is_secure == has_tls, &words)?;
+    if has_tls {
+        // A lie, which the proxy must replace. The cookie of a session shows what the server believes.
+        let lie = ("x-forwarded-proto", "http");
+        let session = client.once("POST", "/v1/session", &[lie])?;
+        if let Some((cookie, rules)) = session.header("set-cookie").split_once(';') {
+            client.once("DELETE", "/v1/session", &[lie, ("cookie", cookie)])?;
+            let is_right = rules.contains("Secure");
+            let words = if is_right { "uses" } else { "does not use" };
+            find("proxy", is_right, &format!("the server believes that this client {words} TLS"))?;
+        }
     }
 
     let asked = Instant::now();
     let reply = client.get("/metrics")?;
+    if reply.status != 200 {
+        find("server", false, &refused(&reply, None).to_string())?;
+        return Ended::with(worst);
+    }
     // The server writes the date while this program waits.
     let written = SystemTime::now() - asked.elapsed() / 2 - Duration::from_millis(500);
     let date = httpdate::parse_http_date(reply.header("date")).unwrap_or(UNIX_EPOCH);
     let apart = written.duration_since(date).unwrap_or_else(|early| early.duration());
     let words = format!("differs from that of the server by {:.0} s", apart.as_secs_f64());
     find("clock", apart < LARGEST_DIFFERENCE, &words)?;
-    if reply.status != 200 {
-        find("server", false, &refused(&reply, None).to_string())?;
-        return Ended::with(worst);
-    }
     let text = String::from_utf8_lossy(&reply.body);
     let rest = |name: &str| text.lines().find_map(|line| line.strip_prefix(name));
     // Unknown values are NaN, for which no comparison holds.

@@ -46,7 +46,7 @@ pub fn reserve(file: &Path, taken: &mut Taken) -> Result<(), Error> {
         fs::remove_file(file)?;
     }
     let is_free = place.into_iter().all(|it| taken.insert(it));
-    let advice = "would replace an input file or another result. Name another place";
+    let advice = "would replace an input file or another result. Name another place, or rename the input file";
     is_free.then_some(()).ok_or_else(|| format!("{name} {advice}").into())
 }
 
@@ -77,9 +77,9 @@ pub fn check(
     }
     let format = output.format()?;
     let is_binary = matches!(format, Format::Npz | Format::Arrow);
-    if is_binary && output.file.is_none() && io::stdout().is_terminal() {
-        let advice = "write it to a file with --output";
-        return Err(format!("the requested format is binary, not for a terminal: {advice}").into());
+    if is_binary && output.file.is_none() && (inputs.len() > 1 || io::stdout().is_terminal()) {
+        let advice = "one file for each result. Name it, or a directory, with --output";
+        return Err(format!("the requested format is binary: it needs {advice}").into());
     }
     let mut places = others.chain(output.file.iter().map(|file| (file, format.name())));
     places.try_for_each(|(place, suffix)| prepare(place, suffix, inputs, &mut taken))
@@ -107,10 +107,15 @@ pub fn make_directory(place: &Path, is_one: bool) -> Result<(), Error> {
     let suffix = place.extension().and_then(|suffix| suffix.to_str()).unwrap_or_default();
     let is_file = ["html", "svg"].contains(&suffix)
         || Format::ALL.iter().any(|format| format.name() == suffix);
-    let is_wrong = is_file && !is_slash && !place.is_dir();
-    let is_right = (is_one && !is_slash) || (!is_wrong && fs::create_dir_all(place).is_ok());
-    let advice = "is not a directory, which several files need";
-    is_right.then_some(()).ok_or_else(|| format!("{} {advice}", place.display()).into())
+    if is_one && !is_slash {
+        return Ok(());
+    }
+    let name = place.display();
+    if place.is_file() || (is_file && !is_slash && !place.is_dir()) {
+        return Err(format!("{name} is not a directory, which several files need").into());
+    }
+    fs::create_dir_all(place)
+        .map_err(|error| format!("cannot make the directory {name}: {error}").into())
 }
 
 /// The file itself, or the file in a directory that is named after the input file.

@@ -301,7 +301,13 @@ fn results_of_several_files_go_to_a_new_directory_and_replace_nothing() {
     // A second name of the input.
     std::fs::hard_link(at("two/a.json"), at("two/b.json")).unwrap();
     fails(&run(&["run", &at("two/a.json"), "-o", &at("two/b.json")], ""), "would replace an input");
-    fails(&run(&["run", &at("pages")], ""), &format!("{}: no .json file is in it", at("pages")));
+    fails(
+        &run(&["run", &at("pages")], ""),
+        &format!("{}: no .json file is directly in it", at("pages")),
+    );
+    fails(&run(&["run", &one, "--format", "npz"], ""), "needs one file for each result");
+    let inside = at("two/a.json") + "/new";
+    fails(&run(&["run", &one, "-o", &inside], ""), "cannot make the directory ");
     assert!(!text(&run(&["get", "--help"], "").stdout).contains("input"));
 }
 

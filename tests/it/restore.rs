@@ -1,9 +1,10 @@
 //! Backup and restore in bad conditions: an older schema, a read-only file system, damaged results, and failures.
 
-use std::fs;
-use std::os::unix::fs::FileExt as _;
+use std::fs::{self, Permissions};
+use std::os::unix::fs::{FileExt as _, MetadataExt as _, PermissionsExt as _, chown};
+use std::os::unix::process::CommandExt as _;
 use std::path::Path;
-use std::process::Output;
+use std::process::{Command, Output};
 
 use fretwork_job::Cost;
 use fretwork_store::{Moving, Piece, backup, restore};
@@ -138,6 +139,54 @@ async fn a_directory_keeps_the_newest_backups_and_what_is_none() {
         &run(&["backup", &format!("{}/", text(&dir)), "--data-dir", text(&dir)], ""),
         "contains no database",
     );
+}
+
+/// The owner of a directory and of all files in it; `None` if they differ.
+fn owner(dir: &Path) -> Option<u32> {
+    let own = fs::metadata(dir).unwrap().uid();
+    let files = fs::read_dir(dir).unwrap().map(|file| file.unwrap().metadata().unwrap().uid());
+    files.chain([own]).all(|uid| uid == own).then_some(own)
+}
+
+#[tokio::test]
+async fn what_root_puts_into_a_directory_belongs_to_the_owner_of_the_directory() {
+    if !rustix::process::geteuid().is_root() {
+        return;
+    }
+    let dir = TempDir::new().unwrap();
+    let (data, file) = (dir.path().join("data"), dir.path().join("backup.db"));
+    fs::create_dir(&data).unwrap();
+    chown(&data, Some(4711), Some(4711)).unwrap();
+    let at = ["--data-dir", text(&data)];
+    assert!(
+        run(&[&["keys", "add", "anna", "--role", "read"], &at[..]].concat(), "").status.success()
+    );
+    assert_eq!(owner(&data), Some(4711));
+    backup(&data, &file).await.unwrap();
+    fs::remove_dir_all(&data).unwrap();
+    fs::create_dir(&data).unwrap();
+    chown(&data, Some(4711), Some(4711)).unwrap();
+    restore(&data, &file, false).await.unwrap();
+    assert_eq!((owner(&data), names(&data).len()), (Some(4711), 2));
+
+    // Another user gets the reason, and what to do.
+    fs::set_permissions(dir.path(), Permissions::from_mode(0o755)).unwrap();
+    fs::set_permissions(&data, Permissions::from_mode(0o700)).unwrap();
+    let program = dir.path().join("fretwork");
+    fs::copy(env!("CARGO_BIN_EXE_fretwork"), &program).unwrap();
+    let as_other = |words: &[&str]| {
+        Command::new(&program).args(words).args(at).uid(4712).gid(4712).output().unwrap()
+    };
+    for words in [&["keys", "list"][..], &["audit"], &["serve"], &["export", "out.zst"]] {
+        fails(&as_other(words), "run this command as the user of the server (`sudo -u USER");
+    }
+    for words in [&["check"][..], &["check", "--repair"]] {
+        fails(&as_other(words), "fretwork.db: Permission denied");
+    }
+    chown(data.join("fretwork.db"), Some(0), Some(0)).unwrap();
+    chown(&data, Some(4712), Some(4712)).unwrap();
+    chown(data.join("fretwork.lock"), Some(4712), Some(4712)).unwrap();
+    fails(&as_other(&["serve"]), "`chown -R 4712:4712 ");
 }
 
 #[tokio::test]

@@ -54,7 +54,7 @@ impl Administration {
     /// [`open`](Self::open).
     pub fn is_at(place: &Place) -> bool {
         match place {
-            Place::Directory(dir) => dir.join(sqlite::open::DATABASE).exists(),
+            Place::Directory(dir) => dir.join(sqlite::open::DATABASE).try_exists().unwrap_or(true),
             Place::Shared(_) => true,
         }
     }

@@ -159,8 +159,8 @@ fn advice(dir: &Path, error: &io::Error) -> String {
     if error.kind() == io::ErrorKind::PermissionDenied {
         let (user, group) = (rustix::process::geteuid(), rustix::process::getegid());
         return format!(
-            ": it and its files must belong to user {user}; run `chown -R {user}:{group} {}` as root (for a \
-             container: in its volume)",
+            ": if a server uses it, run this command as the user of the server (`sudo -u USER fretwork …`); if user {user} \
+             is that user, run `chown -R {user}:{group} {}` as root (for a container: in its volume)",
             dir.display()
         );
     }

@@ -12,7 +12,7 @@ use sqlx::{Connection as _, SqliteConnection};
 use super::check::{of_pages, of_rows};
 use super::damage::Damage;
 use super::{
-    COMPANIONS, Moving, PartialFile, put, reading, refused, remove, settle, sync_directory,
+    COMPANIONS, Moving, PartialFile, put, reading, refused, remove, require, settle, sync_directory,
 };
 use crate::administration::PATIENCE;
 use crate::database::{
@@ -48,9 +48,7 @@ pub fn backup<'a>(dir: &'a Path, file: &'a Path) -> Command<'a, Saved, Moving> {
             return Err(Moving::Exists(file.to_owned()));
         }
         let path = dir.join(DATABASE);
-        if !path.exists() {
-            return Err(Moving::Nothing(path));
-        }
+        require(&path)?;
         let part = PartialFile::of(file, ".part")?;
         let from = CopySource::of(&path, file)?;
         inspect(from.path(), &path).await?;
@@ -85,9 +83,7 @@ pub fn restore<'a>(
     replace: bool,
 ) -> Command<'a, (Saved, Option<PathBuf>), Moving> {
     Box::pin(async move {
-        if !file.is_file() {
-            return Err(Moving::Nothing(file.to_owned()));
-        }
+        require(file)?;
         let lock = dir.join(LOCK);
         let missing: Vec<&Path> = [&*lock].into_iter().chain(dir.ancestors()).collect();
         let missing: Vec<&Path> = missing.into_iter().take_while(|path| !path.exists()).collect();
@@ -131,6 +127,7 @@ async fn put_in_place(
         settle(&path).await?;
     }
     ledger::forget(lock).map_err(refused(&dir.join(LOCK)))?;
+    open::give_to_owner(&part.0);
     supplant(&part.0, &path, former.as_deref())
         .map_err(|source| Moving::NotReplaced { path: path.clone(), source })?;
     Ok((saved, former))

@@ -17,7 +17,7 @@ use sqlx::sqlite::SqliteRow;
 use sqlx::{AssertSqlSafe, Connection as _, SqliteConnection};
 
 use super::damage::{Damage, SCHEMA, UNUSED, in_schema, locate};
-use super::{Moving, PartialFile, reading, refused, settle};
+use super::{Moving, PartialFile, reading, refused, require, settle};
 use crate::administration::PATIENCE;
 use crate::database::{
     Body, Columns, Command, Connected as _, Error, Result, Statement, Sum, Tables as _, changes,
@@ -77,9 +77,7 @@ pub struct Repaired {
 pub fn repair(dir: &Path) -> Command<'_, Repaired, Moving> {
     Box::pin(async move {
         let path = dir.join(DATABASE);
-        if !path.exists() {
-            return Err(Moving::Nothing(path));
-        }
+        require(&path)?;
         let _lock = open::lock(dir).await?;
         settle(&path).await?;
         let mut db = opened(&path).await?;
@@ -125,9 +123,7 @@ pub fn repair(dir: &Path) -> Command<'_, Repaired, Moving> {
 /// Opens a database of this version for reading, in a transaction, so that all statements see the same snapshot while a
 /// server writes.
 async fn opened(path: &Path) -> Result<SqliteConnection, Moving> {
-    if !path.exists() {
-        return Err(Moving::Nothing(path.to_owned()));
-    }
+    require(path)?;
     open::inspect(path).await?;
     let mut db = reading(path).await?;
     db.execute(sql!("BEGIN")).await?;

@@ -47,9 +47,6 @@ pub fn export<'a>(
             return Err(Moving::Exists(file.to_owned()));
         }
         let file = if is_stdout { Path::new("standard output") } else { file };
-        if !Administration::is_at(&place) {
-            return Err(Moving::NoDatabase(place));
-        }
         let mut db = Administration::open(place).await?;
         let named = !keys.is_empty();
         let keys = if named { keys.to_vec() } else { matching(&mut db, search).await? };

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 use zstd::zstd_safe::MAGICNUMBER;
 
-use super::{FORM, Moving, refused};
+use super::{FORM, Moving, refused, require};
 use crate::results::notes::Note;
 use crate::sqlite::open::APPLICATION_ID;
 use fretwork_engine::scenario::MAX_ANSWER;
@@ -143,10 +143,11 @@ impl Lines {
     pub(super) fn open(path: &Path) -> Result<Self, Moving> {
         let mut file: Box<dyn Read> = match path {
             _ if is_stdio(path) => Box::new(io::stdin()),
-            // A FIFO would be opened only when another program writes to it.
-            _ if path.exists() && !path.is_file() => return Err(Moving::NoFile(path.to_owned())),
-            _ if !path.is_file() => return Err(Moving::Nothing(path.to_owned())),
-            _ => Box::new(File::open(path).map_err(refused(path))?),
+            _ => {
+                // A FIFO would be opened only when another program writes to it.
+                require(path)?;
+                Box::new(File::open(path).map_err(refused(path))?)
+            }
         };
         let path = if is_stdio(path) { Path::new("standard input") } else { path };
         let damaged =

@@ -23,7 +23,7 @@ use std::path::{Path, PathBuf};
 use sqlx::{Connection as _, SqliteConnection};
 
 use crate::administration::PATIENCE;
-use crate::database::{Error, Place, unless_damaged};
+use crate::database::{Error, unless_damaged};
 use crate::sqlite::open;
 use fretwork_job::Key;
 
@@ -47,17 +47,9 @@ pub enum Moving {
     /// The database failed.
     #[error(transparent)]
     Store(#[from] Error),
-    /// The source does not exist.
-    #[error("there is no file {}{}", .0.display(), if .0.exists() { ": it is something else" } else { "" })]
+    /// The source does not exist, or is a directory, a pipe or a device.
+    #[error("there is no file {} (to import from a pipe, use `fretwork import -`)", .0.display())]
     Nothing(PathBuf),
-    /// The source is a directory, a pipe or a device.
-    #[error("{} is not a file; to read from a pipe, use `fretwork import -`", .0.display())]
-    NoFile(PathBuf),
-    /// There is no database at this place.
-    #[error(
-        "there is no database in {0}; name the place of the database with --data-dir or --database"
-    )]
-    NoDatabase(Place),
     /// The target exists.
     #[error("{} exists already, and is not overwritten; name another file", .0.display())]
     Exists(PathBuf),
@@ -114,8 +106,8 @@ pub enum Moving {
         /// The error of the operating system.
         source: io::Error,
     },
-    /// A file could not be written.
-    #[error("cannot write {}", path.display())]
+    /// A file could not be read or written.
+    #[error("cannot read or write {}", path.display())]
     File {
         /// The file.
         path: PathBuf,
@@ -127,6 +119,15 @@ pub enum Moving {
 impl From<sqlx::Error> for Moving {
     fn from(error: sqlx::Error) -> Self {
         Self::Store(error.into())
+    }
+}
+
+/// Refuses a path without a file.
+fn require(file: &Path) -> Result<(), Moving> {
+    match fs::metadata(file) {
+        Ok(found) if found.is_file() => Ok(()),
+        Err(error) if error.kind() == io::ErrorKind::PermissionDenied => Err(refused(file)(error)),
+        _ => Err(Moving::Nothing(file.to_owned())),
     }
 }
 

@@ -96,9 +96,14 @@ async fn prepare(dir: &Path, options: SqliteConnectOptions) -> Result<SqliteConn
     let path = dir.join(DATABASE);
     let refused = |error| unusable(dir, error);
     forget_foreign_log(&path).map_err(refused)?;
+    if path.exists() {
+        // SQLite does not say that the permission is missing.
+        File::options().read(true).write(true).open(&path).map_err(refused)?;
+    }
     inspect(&path).await?;
     if !path.exists() || uses_log(&path).map_err(refused)? != Some(true) {
         use_log(&path).await?;
+        give_to_owner(&path);
     }
     let options = options.pragma("application_id", APPLICATION_ID.to_string());
     let mut db = SqliteConnection::connect_with(&options).await?;
@@ -209,6 +214,7 @@ fn try_lock(dir: &Path) -> Result<File> {
     let path = dir.join(LOCK);
     let file = File::options().create(true).truncate(false).read(true).write(true).open(&path);
     let file = file.map_err(refused)?;
+    give_to_owner(&path);
     match file.try_lock() {
         // A failed restore removes the lock file. Then another process may have created a new one.
         Ok(()) if is_removed(&file, &path).map_err(refused)? => try_lock(dir),
@@ -218,6 +224,19 @@ fn try_lock(dir: &Path) -> Result<File> {
         }
         Err(TryLockError::Error(source)) => Err(refused(source)),
     }
+}
+
+/// Gives a file that root has created to the owner of its directory, whose server must open it. Some file systems have
+/// no owners.
+pub(crate) fn give_to_owner(file: &Path) {
+    #[cfg(unix)]
+    if rustix::process::geteuid().is_root()
+        && let Some(Ok(dir)) = file.parent().map(fs::metadata)
+    {
+        use std::os::unix::fs::{MetadataExt as _, lchown};
+        let _ = lchown(file, Some(dir.uid()), Some(dir.gid()));
+    }
+    let _ = file;
 }
 
 /// The process that holds the lock of a file, as a part of an error text. Only Linux tells it, and no process of another
