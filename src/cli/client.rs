@@ -240,12 +240,10 @@ pub fn refused(reply: &Reply, file: Option<&Path>) -> Ended {
     let faults = problem["errors"].as_array();
     let mut lines: Vec<_> = faults.into_iter().flatten().filter_map(line).collect();
     if lines.is_empty() {
-        let mut line = match problem["detail"].as_str() {
-            Some(detail) => detail.to_owned(),
-            None if matches!(reply.status, 502..505) => {
-                "a proxy answers, but no fretwork behind it. Start fretwork".to_owned()
-            }
-            None => format!("the server answers {}. Check FRETWORK_URL", reply.status),
+        let mut line = match (problem["detail"].as_str(), reply.status) {
+            (Some(detail), _) => detail.to_owned(),
+            (None, 502..505) => "a proxy answers, but no fretwork. Start fretwork".to_owned(),
+            (None, status) => format!("the server answers {status}. Check FRETWORK_URL"),
         };
         if reply.status == 401 {
             // The advice of the server is for users of its API.

@@ -95,21 +95,11 @@ pub fn export(settings: &Export) -> Result<(), Error> {
 pub fn import(settings: &Import) -> Result<(), Error> {
     let Import { file, verify_time, data } = settings;
     let done = block_on(service::import(data.place()?, file, *verify_time, progress("checked")))?;
-    let Imported {
-        results: count,
-        bytes,
-        known,
-        sampled,
-        unverified,
-        notes,
-        missing,
-        refused,
-        other_notes,
-    } = done;
-    for (key, why) in &refused {
+    let Imported { results: count, known, sampled, unverified, missing, notes, .. } = done;
+    for (key, why) in &done.refused {
         writeln!(io::stderr(), "refused the result {}: {}", key.escape_debug(), harmless(why))?;
     }
-    for key in &other_notes {
+    for key in &done.other_notes {
         writeln!(io::stderr(), "{key} keeps its note, which differs from the one in the file")?;
     }
     if missing > 0 {
@@ -124,7 +114,8 @@ pub fn import(settings: &Import) -> Result<(), Error> {
              it takes longer than --verify-time to compute them again"
         ));
     }
-    let (stored, failed, kept) = (results(count, bytes), refused.len(), other_notes.len());
+    let (failed, kept) = (done.refused.len(), done.other_notes.len());
+    let stored = results(count, done.bytes);
     let name = if file.as_os_str() == "-" { Path::new("standard input") } else { file };
     let (file, verified) = (name.display(), count - sampled - unverified);
     let line = format!(
@@ -132,7 +123,7 @@ pub fn import(settings: &Import) -> Result<(), Error> {
          {sampled} in part, {unverified} unverified; notes: {notes} imported, {kept} kept\n"
     );
     print(line.as_bytes())?;
-    Ended::with(if refused.is_empty() { 0 } else { 2 })
+    Ended::with(if failed == 0 { 0 } else { 2 })
 }
 
 /// Describes the contents of a backup.
@@ -180,13 +171,10 @@ pub fn check(data: &Data, is_repair: bool) -> Result<(), Error> {
         count => format!("damage in {}", counted(count as u64, "place")),
     };
     let counts = match counts {
-        Some((jobs, results)) => {
-            format!("{}, {}", counted(results, "result"), counted(jobs, "job"))
-        }
+        Some((jobs, count)) => format!("{}, {}", counted(count, "result"), counted(jobs, "job")),
         None => "its results and jobs cannot be counted".to_owned(),
     };
-    let line = format!("{}: {counts}; {found}\n", dir.display());
-    print(line.as_bytes())?;
+    print(format!("{}: {counts}; {found}\n", dir.display()).as_bytes())?;
     Ended::with(if damage.is_empty() { 0 } else { 2 })
 }
 

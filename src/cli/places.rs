@@ -78,8 +78,7 @@ pub fn check(
     let format = output.format()?;
     let is_binary = matches!(format, Format::Npz | Format::Arrow);
     if is_binary && output.file.is_none() && (inputs.len() > 1 || io::stdout().is_terminal()) {
-        let advice = "one file for each result. Name it, or a directory, with --output";
-        return Err(format!("the requested format is binary: it needs {advice}").into());
+        return Err("a binary format needs a file for each result: use --output".into());
     }
     let mut places = others.chain(output.file.iter().map(|file| (file, format.name())));
     places.try_for_each(|(place, suffix)| prepare(place, suffix, inputs, &mut taken))

@@ -132,8 +132,7 @@ pub fn listed(files: &[PathBuf]) -> Result<Vec<PathBuf>, Error> {
         }
     }
     if all.is_empty() {
-        let names: Vec<_> = files.iter().map(|file| file.display().to_string()).collect();
-        return Err(format!("{}: no .json file is directly in it", names.join(", ")).into());
+        return Err(format!("{}: no .json file is directly in it", files[0].display()).into());
     }
     Ok(all)
 }

@@ -389,7 +389,7 @@ fn the_doctor_finds_keys_versions_and_clocks_that_are_wrong() {
     let no_server = "503 Service Unavailable\r\n\r\n<html>";
     let (port, _) = answering(None, &[no_server, no_server]);
     let (code, said) = examined(&format!("http://127.0.0.1:{port}"), &[]);
-    let reason = "fails  readiness: a proxy answers, but no fretwork behind it. Start fretwork. ";
+    let reason = "fails  readiness: a proxy answers, but no fretwork. Start fretwork. ";
     assert!(code == Some(2) && said.starts_with(reason) && !said.contains("clock"), "{said}");
     let (port, _) = answering(None, &[full, none]);
     let (code, said) = examined(&format!("http://127.0.0.1:{port}"), &[]);

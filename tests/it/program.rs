@@ -305,7 +305,7 @@ fn results_of_several_files_go_to_a_new_directory_and_replace_nothing() {
         &run(&["run", &at("pages")], ""),
         &format!("{}: no .json file is directly in it", at("pages")),
     );
-    fails(&run(&["run", &one, "--format", "npz"], ""), "needs one file for each result");
+    fails(&run(&["run", &one, "--format", "npz"], ""), "needs a file for each result");
     let inside = at("two/a.json") + "/new";
     fails(&run(&["run", &one, "-o", &inside], ""), "cannot make the directory ");
     assert!(!text(&run(&["get", "--help"], "").stdout).contains("input"));

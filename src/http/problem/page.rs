@@ -4,18 +4,11 @@ use std::fmt::Write as _;
 
 use super::kinds::ALL;
 
-const STYLE: &str = "body{font:17px/1.5 system-ui,sans-serif;max-width:40em;margin:3em auto;\
-    padding:0 1em;color:#222;background:#fff}code{background:#eee;padding:0 .2em}\
-    h1{font-size:1.4em}small{color:#666}@media(prefers-color-scheme:dark){\
-    body{color:#ddd;background:#181818}code{background:#333}a{color:#8bf}}";
+/// The page around a document.
+const FRAME: &str = include_str!("../dashboard/docs.html");
 
 fn html(title: &str, body: &str) -> String {
-    let body = code(body);
-    format!(
-        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\">\
-         <meta name=\"viewport\" content=\"width=device-width\">\
-         <title>{title} · fretwork</title><style>{STYLE}</style>{body}</html>\n"
-    )
+    FRAME.replace("{title}", title).replace("{body}", &code(body))
 }
 
 /// Changes `` `code` `` to HTML.
@@ -48,7 +41,7 @@ pub fn page(slug: &str) -> Option<String> {
     let (status, [title, meaning, remedy]) = (kind.status, kind.texts());
     let body = format!(
         "<small>{status}</small><h1>{title}</h1><p>{meaning}</p><h2>What to do</h2><p>{remedy}</p>\
-         <p><a href=\"/problems\">All problems</a> · <a href=\"/docs/\">Documentation</a></p>"
+         <p><a href=\"/problems\">All problems</a></p>"
     );
     Some(html(title, &body))
 }

@@ -47,9 +47,9 @@ pub enum Moving {
     /// The database failed.
     #[error(transparent)]
     Store(#[from] Error),
-    /// The source does not exist, or is a directory, a pipe or a device.
-    #[error("there is no file {} (to import from a pipe, use `fretwork import -`)", .0.display())]
-    Nothing(PathBuf),
+    /// The source is a directory, a pipe or a device.
+    #[error("{} is not a file; to read from a pipe, use `fretwork import -`", .0.display())]
+    NoFile(PathBuf),
     /// The target exists.
     #[error("{} exists already, and is not overwritten; name another file", .0.display())]
     Exists(PathBuf),
@@ -124,11 +124,8 @@ impl From<sqlx::Error> for Moving {
 
 /// Refuses a path without a file.
 fn require(file: &Path) -> Result<(), Moving> {
-    match fs::metadata(file) {
-        Ok(found) if found.is_file() => Ok(()),
-        Err(error) if error.kind() == io::ErrorKind::PermissionDenied => Err(refused(file)(error)),
-        _ => Err(Moving::Nothing(file.to_owned())),
-    }
+    let found = fs::metadata(file).map_err(refused(file))?;
+    found.is_file().then_some(()).ok_or_else(|| Moving::NoFile(file.to_owned()))
 }
 
 fn refused(path: &Path) -> impl FnOnce(io::Error) -> Moving {
