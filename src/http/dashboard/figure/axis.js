@@ -85,11 +85,12 @@ function evenTicks(low, high, count) {
 function decadeTicks(low, high, decades, count) {
   const [first, last] = [Math.floor(Math.log10(low) - 1e-9), Math.floor(Math.log10(high) + 1e-9)];
   const isPlain = first >= SMALLEST_PLAIN && last <= LARGEST_PLAIN + (count >= ROOMY ? 1 : 0);
-  const every = Math.max(1, Math.ceil(decades / count));
-  const isRoomy = count >= (last < LARGEST_PLAIN ? 4 : ROOMY);
+  // A power of ten is half as wide as a number with its zeros.
+  const every = Math.max(1, Math.ceil(decades / (isPlain ? count : 2 * count)));
+  const fits = (gap) => (gap * count) / decades >= (isPlain && last < LARGEST_PLAIN ? 0.5 : 0.8);
   // One or two labels do not show that the axis is logarithmic.
   const isBare = count >= 3 && Math.floor(Math.log10(high) + 1e-9) - Math.ceil(Math.log10(low) - 1e-9) < 2;
-  const named = decades < 1.2 && isRoomy ? [1, 2, 3, 5, 7] : decades < 2.2 && (isRoomy || isBare) ? [1, 2, 5] : [1];
+  const named = decades < 1.2 && fits(Math.log10(7 / 5)) ? [1, 2, 3, 5, 7] : isBare || ((isPlain || decades < 2.2) && fits(Math.log10(2))) ? [1, 2, 5] : [1];
   const text = (exponent, digit) => {
     if (isPlain) return spaced((digit * 10 ** exponent).toFixed(Math.max(0, -exponent)));
     return digit === 1 ? powerOfTen(exponent) : `${digit}×${powerOfTen(exponent)}`;
@@ -99,8 +100,7 @@ function decadeTicks(low, high, decades, count) {
     for (let digit = 1; digit <= (decades > 8 ? 1 : 9); digit++) {
       const value = digit * 10 ** exponent;
       if (value < low * (1 - 1e-9) || value > high * (1 + 1e-9)) continue;
-      const isNamed = named.includes(digit) && exponent % every === 0;
-      ticks.push({ value, text: isNamed ? text(exponent, digit) : null });
+      ticks.push({ value, text: named.includes(digit) && exponent % every === 0 ? text(exponent, digit) : null });
     }
   }
   return ticks;

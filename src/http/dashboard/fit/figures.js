@@ -48,7 +48,7 @@ const column = (rows, name) => rows.map((row) => row[name]);
 const fromZero = (rows) => [0, 1.04 * Math.max(...column(rows, "x"))];
 
 /** The measured numbers of the test with the number `i`: `name` is their column. */
-const measuredCurve = (rows, test, i, name = "measured") => ({ name: test, x: column(rows, "x"), y: column(rows, name), ink: INKS[i % INKS.length], mark: i, points: true, line: false,
+const measuredCurve = (rows, test, i, name = "measured") => ({ name: test, x: column(rows, "x"), y: column(rows, name), ink: INKS[i % INKS.length], mark: i, points: true, line: false, label: "legend",
   ...(name === "measured" && { errors: column(rows, "deviation") }) });
 
 /** The curve of a group with its bands, and the measured numbers. */
@@ -79,7 +79,7 @@ export function residualFigure({ table }, { output, over, tests }) {
   const rows = rowsOf(table).filter((row) => row.output === output && row.over === over && row.residual != null);
   const range = fromZero(rows);
   const level = (y, dash) => ({ name: "", column: "Level", x: range, y: [y, y], ink: 4, dash, label: "none", faint: true });
-  const curves = tests.map((test, i) => ({ ...measuredCurve(rowsOfTest(rows, test), test, i, "residual"), label: tests.length > 1 ? "end" : "none" }));
+  const curves = tests.map((test, i) => ({ ...measuredCurve(rowsOfTest(rows, test), test, i, "residual"), label: tests.length > 1 ? "legend" : "none" }));
   return { title: "Residuals", curves: [level(0), level(USUAL, "dashed"), level(-USUAL, "dashed"), ...curves],
     axes: { x: { ...across(over), range }, y: { title: "Residual in standard deviations", unit: "1" } } };
 }

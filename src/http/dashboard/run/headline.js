@@ -77,7 +77,7 @@ export function drawHeadline({ first, others, notes }, result, row, allWarnings)
   const length = unitFor("m", Math.max(threshold ?? 0, sizeOf(result, limit)));
   fill(first, FIRST.map(wear), h("div", {}, h("dt", {}, "Regime"),
     h("dd", {}, h("span", { "data-value": "regime" }, regime), marked("regime")), h("dd", { class: "errors" }, when,
-      threshold != null && [" · ", term(limit, scenario, CHANGES), `\u00a0=\u00a0${length(threshold, 3)} unworn`,
+      threshold != null && [" · ", term(limit, scenario, CHANGES), ` =\u00a0${length(threshold, 3)} unworn`,
         now != null && [", ", h("span", { "data-value": "threshold" }, length(now, 3)), " with this scar"]])));
   fill(others, [...OTHERS, ...(hasRig ? ["amplitude", "gross_slip_amplitude"] : [])].map((name) => h("div", {}, h("dt", {}, term(name, scenario)),
     h("dd", {}, h("span", { "data-value": name }, shown(name)), marked(name)))));

@@ -7,10 +7,10 @@ import { cycles, percent, WORDS } from "../quantities/units.js";
 import { extent } from "../figure/curves.js";
 import { distinct, isGeometric, isWide } from "./plan.js";
 
-/** The size by which the unit of a column is chosen, as for an axis: the largest value, or the middle of a logarithmic axis. */
+/** The size by which the unit of a column is chosen, as for an axis: the largest value, or the middle of a logarithmic axis. Values near 0 do not move it. */
 function sizeIn(values, isMember) {
   const [low, high] = extent([values.map(Math.abs)]) ?? [0, 0];
-  return (isMember ? isGeometric(distinct(values)) : isWide(values)) ? Math.sqrt(low) * Math.sqrt(high) : high;
+  return (isMember ? isGeometric(distinct(values)) : isWide(values)) ? Math.sqrt(Math.max(low, 1e-6 * high)) * Math.sqrt(high) : high;
 }
 
 /** Larger numerical errors of a point have a sign, as they have a warning in a run. */
