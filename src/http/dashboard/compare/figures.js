@@ -68,12 +68,12 @@ export function drawHistories(figure, words, runs, column, log) {
     description: `${wordOf(column, scenario)} of ${drawn.length} runs over the cycles` });
 }
 
-/** The branches of the loop of a run. The first carries the letter of the run. */
+/** The branches of the loop of a run. The first carries the letter of the run. Arrows of several loops would cover each other. */
 const loopOf = (run) => {
   const { loops, history } = run.result;
   const row = nearest(loops.cycles, history.cycles[run.row]);
   return branches(loops.displacement[row], loops.tangential_force[row]).slice(0, MAX_BRANCHES).map(({ x, y, direction }, i) => ({ ...styleOf(run),
-    ...(i > 0 && { name: "", whole: undefined }), column: `${run.letter}: ${direction > 0 ? "loading" : "unloading"}${i > 1 ? ` ${i + 1}` : ""}`, x, y, direction, label: "legend" }));
+    ...(i > 0 && { name: "", whole: undefined }), column: `${run.letter}: ${direction > 0 ? "loading" : "unloading"}${i > 1 ? ` ${i + 1}` : ""}`, x, y, label: "legend" }));
 };
 
 /** Draws the loops. */
