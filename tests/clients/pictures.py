@@ -33,7 +33,7 @@ def main():
     with opened() as browser:
         page = browser.page(BASE, width=1280)
         take(page, "first-page", "/", 720)
-        take(page, "result", f"/#/result/{key}", 1480)
+        take(page, "result", f"/#/result/{key}", 1516)
     print(f"{PICTURES} has the pictures of this program")
 
 
