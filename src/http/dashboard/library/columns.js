@@ -40,7 +40,7 @@ const name = (entry) => [
 /** All columns. `width` is in rem. `sort` is the name by which the server sorts. */
 export const COLUMNS = {
   picture: { heading: "Profile", width: 7, cell: () => svg("svg", { viewBox: "0 0 96 48", class: "thumbnail", "aria-hidden": "true" }) },
-  name: { heading: "Name", width: 15.2, cell: name },
+  name: { heading: "Name", width: 11.7, cell: name },
   tags: { heading: "Tags", width: 6.5, cell: tags },
   note: { heading: "Note", width: 12, cell: note },
   kind: { heading: "Kind", width: 8, cell: (entry) => (isRun(entry) ? "Run" : title(entry)) },
@@ -59,13 +59,13 @@ export const COLUMNS = {
   gross_slip_amplitude: number("gross_slip_amplitude", "Gross-slip threshold at the contact or reference, unworn"),
   tangential_force: number("tangential_force"),
   cycles: { ...number("cycles", "Cycles N", 6.5), cell: ({ values }) => values.cycles != null && cycles(values.cycles) },
-  wear_volume: number("wear_volume", WORDS.wear_volume, 8.5),
-  wear_depth: number("wear_depth", "Wear depth", 7),
+  wear_volume: number("wear_volume", WORDS.wear_volume, 9.5),
+  wear_depth: number("wear_depth", "Wear depth", 9),
   scar_radius: number("scar_radius"),
   dissipated_energy: number("dissipated_energy"),
   owner: { heading: "Computed by", width: 9, cell: ({ owner }) => owner ?? "" },
   size: { heading: "Size", width: 7, sort: "size", isNumber: true, cell: ({ size }) => `${Math.ceil(size / 1000)}\u00a0kB` },
-  created: { heading: "Computed", width: 8.5, sort: "created", cell: ({ created }) => dateTime(created) },
+  created: { heading: "Computed", width: 9, sort: "created", cell: ({ created }) => dateTime(created) },
 };
 
 /** The columns that are shown first. */
