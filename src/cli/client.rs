@@ -6,7 +6,6 @@ use std::path::Path;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use rustls::CertificateError::NotValidForNameContext;
 use rustls::{Error as TlsError, InvalidMessage};
 use serde::Deserialize;
 use serde_json::Value;
@@ -206,11 +205,9 @@ impl Client {
             (_, Some(TlsError::InvalidMessage(InvalidMessage::InvalidContentType))) => format!(
                 "the server at {base} does not speak TLS. Enter an address that begins with http://"
             ),
-            (_, Some(TlsError::InvalidCertificate(NotValidForNameContext { .. }))) => {
-                format!("the certificate of {base} has other names. Enter one of them")
-            }
             (_, Some(error)) => format!(
-                "{base} is not secure: {error}. Name the certificates of your own authority in SSL_CERT_FILE"
+                "{base} is not secure: {error}. Enter a name of its certificate, or name the certificates of your own \
+                 authority in SSL_CERT_FILE"
             ),
             (Failure::Rustls(error), _) => {
                 format!("{error}. Name a readable file of certificates in SSL_CERT_FILE")

@@ -110,7 +110,7 @@ pub fn make_directory(place: &Path, is_one: bool) -> Result<(), Error> {
         return Ok(());
     }
     let name = place.display();
-    if place.is_file() || (is_file && !is_slash && !place.is_dir()) {
+    if (place.exists() || (is_file && !is_slash)) && !place.is_dir() {
         return Err(format!("{name} is not a directory, which several files need").into());
     }
     fs::create_dir_all(place)

@@ -169,6 +169,12 @@ async fn what_root_puts_into_a_directory_belongs_to_the_owner_of_the_directory()
     restore(&data, &file, false).await.unwrap();
     assert_eq!((owner(&data), names(&data).len()), (Some(4711), 2));
 
+    // Root gives nothing away that it has not created.
+    chown(data.join("fretwork.lock"), Some(0), Some(0)).unwrap();
+    assert!(run(&[&["keys", "list"], &at[..]].concat(), "").status.success());
+    assert_eq!(owner(&data), None);
+    chown(data.join("fretwork.lock"), Some(4711), Some(4711)).unwrap();
+
     // Another user gets the reason, and what to do.
     fs::set_permissions(dir.path(), Permissions::from_mode(0o755)).unwrap();
     fs::set_permissions(&data, Permissions::from_mode(0o700)).unwrap();

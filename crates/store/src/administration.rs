@@ -1,5 +1,6 @@
 //! Access to the tables for commands, with or without a running server.
 
+use std::io::ErrorKind;
 use std::time::Duration;
 
 use sqlx::postgres::PgConnection;
@@ -54,7 +55,10 @@ impl Administration {
     /// [`open`](Self::open).
     pub fn is_at(place: &Place) -> bool {
         match place {
-            Place::Directory(dir) => dir.join(sqlite::open::DATABASE).try_exists().unwrap_or(true),
+            Place::Directory(dir) => dir
+                .join(sqlite::open::DATABASE)
+                .try_exists()
+                .unwrap_or_else(|error| error.kind() == ErrorKind::PermissionDenied),
             Place::Shared(_) => true,
         }
     }

@@ -187,8 +187,7 @@ impl Gate {
         let open_request = usage.account.take(needs.quota)?;
         if identity.role < required {
             let detail = format!(
-                "The request requires an access key with the role {required}, which an administrator makes. This key ({}, {}) has \
-                 the role {}.",
+                "The request requires an access key with the role {required}, which an administrator makes. This key ({}, {}) has the role {}.",
                 identity.owner, identity.key, identity.role
             );
             let problem = Problem::new(&kinds::FORBIDDEN, detail);

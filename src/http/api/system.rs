@@ -4,13 +4,14 @@ use std::time::Duration;
 
 use axum::Json;
 use axum::http::HeaderMap;
-use axum::http::header::{CONTENT_TYPE, VARY};
+use axum::http::header::{CONTENT_SECURITY_POLICY, CONTENT_TYPE, VARY};
 use axum::response::{Html, IntoResponse, Response};
 use serde::Serialize;
 use tokio::time::timeout;
 use utoipa::ToSchema;
 
 use crate::http::answer::fixed::fixed;
+use crate::http::dashboard::docs::POLICY;
 use crate::http::metrics::{Measurements, as_prometheus};
 use crate::http::transport::body::BODY_LIMIT;
 use crate::http::wire::negotiation::choose;
@@ -222,8 +223,8 @@ pub async fn openapi(app: App, headers: HeaderMap, _: NoQuery) -> Response {
 #[utoipa::path(get, path = "/problems", operation_id = "problems", tag = "system", responses(
     (status = 200, description = "An HTML page.", body = String, content_type = "text/html"),
 ))]
-pub async fn problems(_: NoQuery) -> Html<String> {
-    Html(problem::index())
+pub async fn problems(_: NoQuery) -> Response {
+    ([(CONTENT_SECURITY_POLICY, POLICY)], Html(problem::index())).into_response()
 }
 
 /// Explains a problem type.
@@ -237,7 +238,8 @@ pub async fn problems(_: NoQuery) -> Html<String> {
         (status = 404, description = "No problem type has this name."),
     ),
 )]
-pub async fn explain(slug: Segment, _: NoQuery) -> Result<Html<String>> {
+pub async fn explain(slug: Segment, _: NoQuery) -> Result<Response> {
     let none = "No problem type has this name; GET /problems lists them all.";
-    problem::page(&slug).map(Html).ok_or_else(|| Problem::new(&kinds::NOT_FOUND, none))
+    let page = problem::page(&slug).ok_or_else(|| Problem::new(&kinds::NOT_FOUND, none))?;
+    Ok(([(CONTENT_SECURITY_POLICY, POLICY)], Html(page)).into_response())
 }

@@ -70,7 +70,7 @@ const PAGES: &[(&str, &str)] = pages![
 /// The page around a document.
 const FRAME: &str = include_str!("docs.html");
 /// The pages have no scripts, and load files of this server only.
-const POLICY: &str = "default-src 'none'; style-src 'self'; img-src 'self'; frame-ancestors 'none'; \
+pub const POLICY: &str = "default-src 'none'; style-src 'self'; img-src 'self'; frame-ancestors 'none'; \
     base-uri 'none'; form-action 'none'";
 
 static ASSETS: Assets = Assets {

@@ -16,8 +16,7 @@ fn code(text: &str) -> String {
     let mut parts = text.split('`');
     let mut out = parts.next().unwrap_or_default().to_owned();
     for (index, part) in parts.enumerate() {
-        out.push_str(if index % 2 == 0 { "<code>" } else { "</code>" });
-        out.push_str(part);
+        let _ = write!(out, "<{}code>{part}", if index % 2 == 0 { "" } else { "/" });
     }
     out
 }

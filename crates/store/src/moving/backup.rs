@@ -127,7 +127,6 @@ async fn put_in_place(
         settle(&path).await?;
     }
     ledger::forget(lock).map_err(refused(&dir.join(LOCK)))?;
-    open::give_to_owner(&part.0);
     supplant(&part.0, &path, former.as_deref())
         .map_err(|source| Moving::NotReplaced { path: path.clone(), source })?;
     Ok((saved, former))

@@ -48,7 +48,7 @@ pub enum Moving {
     #[error(transparent)]
     Store(#[from] Error),
     /// The source is a directory, a pipe or a device.
-    #[error("{} is not a file; to read from a pipe, use `fretwork import -`", .0.display())]
+    #[error("{} is not a file; only `fretwork import -` reads from a pipe", .0.display())]
     NoFile(PathBuf),
     /// The target exists.
     #[error("{} exists already, and is not overwritten; name another file", .0.display())]
@@ -142,7 +142,7 @@ impl PartialFile {
     fn of(file: &Path, suffix: &str) -> Result<Self, Moving> {
         let part = Self(open::with_suffix(file, suffix));
         // SQLite would apply an old journal to the new file. It writes into an empty file as if there were none.
-        part.remove().and_then(|()| File::create(&part.0)).map_err(refused(file))?;
+        part.remove().and_then(|()| open::create(&part.0)).map_err(refused(file))?;
         Ok(part)
     }
 

@@ -96,14 +96,11 @@ async fn prepare(dir: &Path, options: SqliteConnectOptions) -> Result<SqliteConn
     let path = dir.join(DATABASE);
     let refused = |error| unusable(dir, error);
     forget_foreign_log(&path).map_err(refused)?;
-    if path.exists() {
-        // SQLite does not say that the permission is missing.
-        File::options().read(true).write(true).open(&path).map_err(refused)?;
-    }
+    // SQLite does not say that the permission is missing.
+    open_or_create(&path).map_err(refused)?;
     inspect(&path).await?;
-    if !path.exists() || uses_log(&path).map_err(refused)? != Some(true) {
+    if uses_log(&path).map_err(refused)? != Some(true) {
         use_log(&path).await?;
-        give_to_owner(&path);
     }
     let options = options.pragma("application_id", APPLICATION_ID.to_string());
     let mut db = SqliteConnection::connect_with(&options).await?;
@@ -212,9 +209,7 @@ fn try_lock(dir: &Path) -> Result<File> {
     let refused = |error| unusable(dir, error);
     fs::create_dir_all(dir).map_err(refused)?;
     let path = dir.join(LOCK);
-    let file = File::options().create(true).truncate(false).read(true).write(true).open(&path);
-    let file = file.map_err(refused)?;
-    give_to_owner(&path);
+    let file = open_or_create(&path).map_err(refused)?;
     match file.try_lock() {
         // A failed restore removes the lock file. Then another process may have created a new one.
         Ok(()) if is_removed(&file, &path).map_err(refused)? => try_lock(dir),
@@ -226,17 +221,24 @@ fn try_lock(dir: &Path) -> Result<File> {
     }
 }
 
-/// Gives a file that root has created to the owner of its directory, whose server must open it. Some file systems have
-/// no owners.
-pub(crate) fn give_to_owner(file: &Path) {
+/// Opens a file, or creates it.
+fn open_or_create(path: &Path) -> io::Result<File> {
+    create(path)
+        .or_else(|_| File::options().create(true).truncate(false).read(true).write(true).open(path))
+}
+
+/// Creates a file that does not exist. What root creates belongs to the owner of the directory, whose server must open
+/// it. Some file systems have no owners.
+pub(crate) fn create(path: &Path) -> io::Result<File> {
+    let file = File::options().create_new(true).read(true).write(true).open(path)?;
     #[cfg(unix)]
     if rustix::process::geteuid().is_root()
-        && let Some(Ok(dir)) = file.parent().map(fs::metadata)
+        && let Some(Ok(dir)) = path.parent().map(fs::metadata)
     {
-        use std::os::unix::fs::{MetadataExt as _, lchown};
-        let _ = lchown(file, Some(dir.uid()), Some(dir.gid()));
+        use std::os::unix::fs::{MetadataExt as _, fchown};
+        let _ = fchown(&file, Some(dir.uid()), Some(dir.gid()));
     }
-    let _ = file;
+    Ok(file)
 }
 
 /// The process that holds the lock of a file, as a part of an error text. Only Linux tells it, and no process of another

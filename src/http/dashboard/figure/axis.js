@@ -90,7 +90,7 @@ function decadeTicks(low, high, decades, count) {
   const fits = (gap) => (gap * count) / decades >= (isPlain && last < LARGEST_PLAIN ? 0.5 : 0.8);
   // One or two labels do not show that the axis is logarithmic.
   const isBare = count >= 3 && Math.floor(Math.log10(high) + 1e-9) - Math.ceil(Math.log10(low) - 1e-9) < 2;
-  const named = decades < 1.2 && fits(Math.log10(7 / 5)) ? [1, 2, 3, 5, 7] : isBare || ((isPlain || (count >= ROOMY && decades < 2.2)) && fits(Math.log10(2))) ? [1, 2, 5] : [1];
+  const named = decades < 1.2 && fits(Math.log10(7 / 5)) ? [1, 2, 3, 5, 7] : (isBare && decades < 2.2) || ((isPlain || (count >= ROOMY && decades < 2.2)) && fits(Math.log10(2))) ? [1, 2, 5] : [1];
   const text = (exponent, digit) => {
     if (isPlain) return spaced((digit * 10 ** exponent).toFixed(Math.max(0, -exponent)));
     return digit === 1 ? powerOfTen(exponent) : `${digit}×${powerOfTen(exponent)}`;
