@@ -217,10 +217,11 @@ fn the_command_keeps_a_friction_that_the_data_need() {
 #[test]
 fn the_command_fits_a_mass_loss_with_its_density() {
     let volumes = fs::read_to_string(FILE).unwrap().replace("wear_volume [µm³]", "mass_loss [µg]");
-    let (_, volume, _) = said(&["fit", FILE, BALL, "--relative", "0.05"], "");
+    let words = ["--relative", "0.05", "--parameter", "/wear/coefficient=1e-16..1e-11"];
+    let (_, volume, _) = said(&[&["fit", FILE, BALL], &words[..]].concat(), "");
     // 1 µm³ weighs 1 µg.
     let (_, mass, err) =
-        said(&["fit", "-", BALL, "--relative", "0.05", "--density", "1e9"], &volumes);
+        said(&[&["fit", "-", BALL, "--density", "1e9"], &words[..]].concat(), &volumes);
     let line =
         |out: &str| out.lines().find(|line| line.contains("/wear/coefficient:")).map(str::to_owned);
     assert_eq!(line(&mass), line(&volume), "{err}");

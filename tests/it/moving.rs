@@ -733,7 +733,7 @@ async fn a_backup_under_load_contains_every_acknowledged_job() {
         }
     });
     let target = TempDir::new().unwrap();
-    for round in 0..3 {
+    for round in 0..2 {
         let before = loop {
             let page = store.jobs(&Filter::default(), None, 200).await.unwrap();
             if page.jobs.len() > 50 {

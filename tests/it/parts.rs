@@ -74,7 +74,7 @@ fn kill(study: &Divided, number: usize) {
 /// This takes more than 5 s, because each part is a process, and the study is computed twice.
 #[test]
 fn sixteen_parts_of_a_study_give_the_bytes_of_one_run() {
-    let study = Divided::new(&long_sweep(60_000), 16);
+    let study = Divided::new(&long_sweep(24_000), 16);
     kill(&study, 3);
     // The kill may also interrupt the writing of a line.
     let line = fs::read_to_string(study.file(3)).unwrap().lines().last().unwrap().to_owned();

@@ -1,10 +1,9 @@
 //! Memory use of the engine: evaluating the wear rate allocates nothing, and a run stays below 100
 //! MB.
 
-#![expect(clippy::expect_used, clippy::print_stdout, reason = "a failed test may panic")]
-
 use std::sync::Arc;
 
+use allocation_counter::measure;
 use fretwork_engine::contact::control::{Control, Held, Normal};
 use fretwork_engine::contact::profile::Shape;
 use fretwork_engine::contact::record::DisplacementRecord;
@@ -18,17 +17,8 @@ use fretwork_engine::solver::stepped::rkc::Rates;
 use fretwork_engine::solver::stepped::wearing::Wearing;
 use serde_json::json;
 
-#[global_allocator]
-static COUNTED: dhat::Alloc = dhat::Alloc;
-
-// No test harness, because its threads allocate memory too.
-fn main() {
-    evaluating_the_wear_rate_allocates_nothing();
-    a_run_with_4096_radii_stays_below_100_megabytes();
-}
-
+#[test]
 fn evaluating_the_wear_rate_allocates_nothing() {
-    let _profiler = dhat::Profiler::builder().testing().build();
     let contact = Contact::sticking(Shape::power(2.0), 0.5).expect("a limit");
     let force = UnwornSums::of(&contact, None).tangential;
     let threshold = contact.threshold;
@@ -50,19 +40,19 @@ fn evaluating_the_wear_rate_allocates_nothing() {
                 );
                 let (values, mut rates) = (vec![1e-3; 65], vec![0.0; 65]);
                 wearing.rates(0.0, &values, &mut rates);
-                let before = dhat::HeapStats::get().total_blocks;
-                for _ in 0..100 {
-                    wearing.rates(0.0, &values, &mut rates);
-                }
-                let after = dhat::HeapStats::get().total_blocks;
-                assert_eq!(after, before, "{law:?} {control:?}");
+                let used = measure(|| {
+                    for _ in 0..100 {
+                        wearing.rates(0.0, &values, &mut rates);
+                    }
+                });
+                assert_eq!(used.count_total, 0, "{law:?} {control:?}");
             }
         }
     }
 }
 
+#[test]
 fn a_run_with_4096_radii_stays_below_100_megabytes() {
-    let _profiler = dhat::Profiler::builder().testing().build();
     for method in ["simplified", "exact"] {
         let request = json!({
             "profile": {"shape": "paraboloid", "radius": "10 mm"},
@@ -74,11 +64,13 @@ fn a_run_with_4096_radii_stays_below_100_megabytes() {
             "cycles": {"normalized": [0.5, 1, 2, 4, 8, 16]},
             "model": {"method": method, "points": 4096},
         });
-        let (scenario, _) = scenario::check(&request, "").expect("a valid scenario");
-        let outcome = Simulation::of(&scenario).expect("a contact").run();
-        assert_eq!(outcome.profiles.expect("profiles").radius.len(), 4096);
+        let most = measure(|| {
+            let (scenario, _) = scenario::check(&request, "").expect("a valid scenario");
+            let outcome = Simulation::of(&scenario).expect("a contact").run();
+            assert_eq!(outcome.profiles.expect("profiles").radius.len(), 4096);
+        })
+        .bytes_max;
+        println!("{method}: at most {:.1} MB", most as f64 / 1e6);
+        assert!((1_000_000..100_000_000).contains(&most), "{most} bytes");
     }
-    let most = dhat::HeapStats::get().max_bytes;
-    println!("at most {:.1} MB", most as f64 / 1e6);
-    assert!(most < 100_000_000, "{most} bytes");
 }

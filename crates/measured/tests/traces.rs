@@ -366,10 +366,10 @@ fn what_is_no_trace_is_refused() {
 fn random_traces_are_prepared_or_refused() {
     let is_long = std::env::var_os("FRETWORK_TEST_LONG").is_some();
     let stream = Stream::new(39);
-    let mut good = 0;
-    for case in 0..if is_long { 50_000 } else { 500 } {
+    let (mut good, count) = (0, if is_long { 50_000 } else { 200 });
+    for case in 0..count {
         let own = stream.child(case);
-        let count = 30 + own.below(0, 200);
+        let rows = 30 + own.below(0, 200);
         let scale = 10f64.powi(own.below(1, 40) as i32 - 20);
         let mut x = 0.0;
         let row = |place: u64| {
@@ -378,7 +378,7 @@ fn random_traces_are_prepared_or_refused() {
             let z = step * f64::from(u8::from(own.below(3 * place + 6, 10) < own.below(3, 10)));
             format!("{x};{z:e}\n")
         };
-        let text = "x [um];z [m]\n".to_owned() + &(0..count).map(row).collect::<String>();
+        let text = "x [um];z [m]\n".to_owned() + &(0..rows).map(row).collect::<String>();
         for prepare in [Prepare::Trace, Prepare::Half, Prepare::Loop] {
             let end = 1e-6 * x;
             let mut is_good = false;
@@ -388,8 +388,8 @@ fn random_traces_are_prepared_or_refused() {
                     is_good |= read(text.as_bytes(), &wanted).is_ok();
                 }
             }
-            good += usize::from(is_good);
+            good += u64::from(is_good);
         }
     }
-    assert!(good > 100, "{good}");
+    assert!(5 * good > count, "{good}");
 }

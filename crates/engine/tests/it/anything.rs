@@ -319,7 +319,7 @@ fn judge_profiles(outcome: &Outcome) {
 
 #[test]
 fn the_simplified_rule_gives_valid_results_for_random_scenarios() {
-    let count = if is_long() { 100_000 } else { 2000 };
+    let count = if is_long() { 100_000 } else { 800 };
     let simplified = |request: &mut Value| request["model"]["method"] = json!("simplified");
     over(count, simplified, judge);
 }
