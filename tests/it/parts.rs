@@ -1,6 +1,6 @@
 //! Studies that are computed in parts, without a server.
 
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Output, Stdio};
@@ -57,16 +57,14 @@ fn succeeds(output: &Output) -> &str {
     text(&output.stderr)
 }
 
-/// Starts a part, and kills it when its file has a few chunks.
+/// Starts a part, and kills it when its file has a few chunks. A fast machine may have computed all of them.
 fn kill(study: &Divided, number: usize) {
     let words = study.words(number);
     let mut command = fretwork(&words.each_ref().map(String::as_str));
     let mut child = command.stdin(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
     child.stdin.take().unwrap().write_all(study.body.as_bytes()).unwrap();
     let lines = |file: &Path| fs::read_to_string(file).map_or(0, |text| text.lines().count());
-    while lines(&study.file(number)) < 3 {
-        assert!(child.try_wait().unwrap().is_none(), "the part was computed before the kill");
-    }
+    while lines(&study.file(number)) < 3 && child.try_wait().unwrap().is_none() {}
     child.kill().unwrap();
     child.wait().unwrap();
 }
@@ -76,11 +74,11 @@ fn kill(study: &Divided, number: usize) {
 fn sixteen_parts_of_a_study_give_the_bytes_of_one_run() {
     let study = Divided::new(&long_sweep(24_000), 16);
     kill(&study, 3);
-    // The kill may also interrupt the writing of a line.
-    let line = fs::read_to_string(study.file(3)).unwrap().lines().last().unwrap().to_owned();
-    let mut file = OpenOptions::new().append(true).open(study.file(3)).unwrap();
-    file.write_all(&line.as_bytes()[..line.len() / 2]).unwrap();
-    drop(file);
+    // What is left of the part: two whole lines and a half.
+    let written = fs::read_to_string(study.file(3)).unwrap();
+    let lines: Vec<_> = written.split_inclusive('\n').collect();
+    let half = &lines[2][..lines[2].len() / 2];
+    fs::write(study.file(3), format!("{}{}{half}", lines[0], lines[1])).unwrap();
     for number in (1..=16).filter(|number| *number != 3) {
         assert!(succeeds(&study.compute(number)).ends_with("chunks, 0 of them known already\n"));
     }
