@@ -54,7 +54,8 @@ pub use moving::{
 };
 pub use results::library::{FromFile, Known, Program, Provenance};
 pub use results::notes::{Annotated, Annotator, Note};
-pub use results::search::{Cursor, Listed, Search, SearchPage};
+pub use results::page::{Cursor, Listed, SearchPage};
+pub use results::search::Search;
 pub use results::storing::{Answered, Changed, Finish, Removed};
 pub use store::Store;
 pub use team::audit::{Act, Actor, AuditEntry};

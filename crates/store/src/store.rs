@@ -22,7 +22,8 @@ use crate::jobs::read::{self, Asked, Filter, LARGE, Page, StoredResult, Unfinish
 use crate::jobs::submit::{Admission, NewJob, Submitted};
 use crate::results::library::{Known, Provenance};
 use crate::results::notes::{self, Annotated, Annotator};
-use crate::results::search::{self, Cursor, Search, SearchPage};
+use crate::results::page::{Cursor, SearchPage};
+use crate::results::search::{self, Search};
 use crate::results::storing::{self, Answered, Changed, Finish, PinQuota, Removed};
 use crate::team::audit::{self, Actor, AuditEntry};
 use crate::team::keys::{self, AccessKey, NewKey};

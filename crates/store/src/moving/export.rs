@@ -15,7 +15,8 @@ use crate::administration::Administration;
 use crate::database::{Command, Error, Place, Result};
 use crate::jobs::read::{self, StoredResult};
 use crate::results::library::Provenance;
-use crate::results::search::{Search, SearchPage};
+use crate::results::page::SearchPage;
+use crate::results::search::Search;
 use fretwork_job::{Key, clock};
 
 /// The outcome of an export.

@@ -2,5 +2,7 @@
 
 pub(crate) mod library;
 pub(crate) mod notes;
+pub(crate) mod page;
+mod range;
 pub(crate) mod search;
 pub(crate) mod storing;

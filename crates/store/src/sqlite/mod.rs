@@ -118,7 +118,8 @@ mod tests {
     use super::*;
     use crate::Options;
     use crate::results::library::Provenance;
-    use crate::results::search::{Search, page};
+    use crate::results::page::page;
+    use crate::results::search::Search;
     use fretwork_job::Key;
     use open::{READERS, SCANS};
 
