@@ -240,7 +240,7 @@ impl Joined {
         }
         let mut rows = Rows::default();
         self.chunks.values().for_each(|next| rows.append(next));
-        Ok((Answer::of_study(prepared.key, study, &rows), started.elapsed()))
+        Ok((Answer::of_study(prepared.key, study, rows), started.elapsed()))
     }
 }
 

@@ -207,7 +207,7 @@ pub fn compute(prepared: &Prepared, is_shown: bool) -> Result<(Answer, Duration)
     let answer = match &prepared.task {
         Task::Run(_) => prepared.compute(|done| progress.show(done)),
         Task::Study(study) => {
-            Answer::of_study(prepared.key, study, &study::compute(study, &mut progress)?)
+            Answer::of_study(prepared.key, study, study::compute(study, &mut progress)?)
         }
     };
     Ok((answer, started.elapsed()))

@@ -137,7 +137,7 @@ fn verdict(data: &Value) -> Verdict {
     let study = Arc::new(Study::read(Kind::named("fit").unwrap(), fit).unwrap());
     let mut points = Points::chunk(Arc::clone(&study), 0, 1, Rows::default());
     let rows = iter::repeat_with(|| points.step()).find_map(|rows| rows).unwrap();
-    let document = study.document(&"key", &fretwork_job::ENGINE, &rows);
+    let document = study.document(&"key", &fretwork_job::ENGINE, rows);
     Verdict::read(document.as_bytes()).unwrap().unwrap()
 }
 

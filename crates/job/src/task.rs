@@ -60,23 +60,24 @@ pub struct Answer {
 
 impl Answer {
     /// The answer of a study from the rows of all its points.
-    pub fn of_study(key: Key, study: &Study, rows: &Rows) -> Self {
-        Self::with_document(study, rows, study.document(&key, &ENGINE, rows))
+    pub fn of_study(key: Key, study: &Study, rows: Rows) -> Self {
+        let summary = study.counts(&rows);
+        Self::with_document(study, summary, study.document(&key, &ENGINE, rows))
     }
 
     /// As [`of_study`](Self::of_study), but returns `None` if `goes_on` becomes false.
     pub fn of_study_while(
         key: Key,
         study: &Study,
-        rows: &Rows,
+        rows: Rows,
         goes_on: &mut dyn FnMut() -> bool,
     ) -> Option<Self> {
+        let summary = study.counts(&rows);
         let document = study.document_while(&key, &ENGINE, rows, goes_on)?;
-        Some(Self::with_document(study, rows, document))
+        Some(Self::with_document(study, summary, document))
     }
 
-    fn with_document(study: &Study, rows: &Rows, document: String) -> Self {
-        let summary = study.counts(rows);
+    fn with_document(study: &Study, summary: Value, document: String) -> Self {
         let outline = outline_of(TaskKind::Study(study.kind), &summary);
         Self { body: document.into(), summary, outline: Box::new(outline) }
     }
@@ -362,7 +363,7 @@ impl Work for StudyWork {
     fn step(&mut self) -> Step {
         match self.points.step() {
             None => Step::Working { progress: self.points.progress() },
-            Some(rows) => Step::Done(Answer::of_study(self.key, &self.study, &rows)),
+            Some(rows) => Step::Done(Answer::of_study(self.key, &self.study, rows)),
         }
     }
 }

@@ -55,7 +55,7 @@ fn main() {
             rows = stage(&study, rows.count..end, &rows);
             times.push(start.elapsed().as_secs_f64());
         }
-        let text = study.document(&"key", &"engine", &rows);
+        let text = study.document(&"key", &"engine", rows);
         let found: Value = serde_json::from_str(&text).expect("the document is JSON");
         // The second stage ends with the estimates.
         println!(

@@ -84,7 +84,7 @@ impl Claimed {
             counts,
             refused: AtomicU64::new(0),
         };
-        let own = study.document(key, engine, &claimed.rows(study)?);
+        let own = study.document(key, engine, claimed.rows(study)?);
         if own == document { Ok(claimed) } else { Err(json::difference("", document, &own)) }
     }
 

@@ -76,6 +76,11 @@ impl Rows {
         serde_json::from_slice(bytes).ok()
     }
 
+    /// The texts of all columns, as [`columns`](Self::columns) gives them.
+    pub fn into_columns(self) -> impl Iterator<Item = String> {
+        self.columns.into_iter()
+    }
+
     /// The texts of all columns: cells as JSON, separated by commas.
     pub fn columns(&self) -> impl Iterator<Item = &str> {
         self.columns.iter().map(String::as_str)

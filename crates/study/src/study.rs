@@ -264,7 +264,7 @@ impl Study {
     /// # Panics
     /// The members cannot be written as JSON.
     #[expect(clippy::expect_used, reason = "nothing stops it")]
-    pub fn document(&self, key: &impl Serialize, engine: &impl Serialize, rows: &Rows) -> String {
+    pub fn document(&self, key: &impl Serialize, engine: &impl Serialize, rows: Rows) -> String {
         self.document_while(key, engine, rows, &mut || true).expect("it goes on")
     }
 
@@ -278,7 +278,7 @@ impl Study {
         &self,
         key: &impl Serialize,
         engine: &impl Serialize,
-        rows: &Rows,
+        rows: Rows,
         goes_on: GoesOn<'_>,
     ) -> Option<String> {
         let mut head = json!({
@@ -286,9 +286,9 @@ impl Study {
             "engine": engine,
             self.kind.name: self.canonical,
             "units": self.units(),
-            "counts": self.counts(rows),
+            "counts": self.counts(&rows),
         });
-        let findings = self.plan.findings(&self.problem, rows, goes_on)?;
+        let findings = self.plan.findings(&self.problem, &rows, goes_on)?;
         head.as_object_mut().expect("it is an object").extend(findings.members());
         let mut text = String::with_capacity(rows.bytes() + self.head());
         text.push_str(&head.to_string());
@@ -297,18 +297,19 @@ impl Study {
         text.push_str(self.kind.rows);
         text.push_str("\":");
         let columns = self.columns();
-        let cells = rows.columns().take(columns.len());
+        let count = rows.count;
+        // The writer drops each column after it. So a large table is in memory once, not twice.
+        let mut cells = rows.into_columns();
         let names = columns.iter().map(|column| column.name.as_str());
-        let beside = findings.beside.iter().map(|(name, cells)| (*name, cells.as_str()));
-        add_columns(&mut text, names.zip(cells).chain(beside));
+        add_columns(&mut text, names.zip(cells.by_ref()).chain(findings.beside));
         if let Some(profiles) = &self.problem.profiles {
             text.push_str(",\"profiles\":");
-            let points: Vec<_> = (0..rows.count).map(|point| point.to_string()).collect();
+            let points: Vec<_> = (0..count).map(|point| point.to_string()).collect();
             let radii = json::write(&profiles.radii, NUMBER * profiles.radii.len());
-            let axes = [("point", &*points.join(",")), ("radius", &radii[1..radii.len() - 1])];
+            let radii = radii[1..radii.len() - 1].to_owned();
             let names = profiles.fields.iter().map(|field| field.as_str());
-            let curves = names.zip(rows.columns().skip(columns.len()));
-            add_columns(&mut text, axes.into_iter().chain(curves));
+            let axes = [("point", points.join(",")), ("radius", radii)];
+            add_columns(&mut text, axes.into_iter().chain(names.zip(cells)));
         }
         text.push(end);
         Some(text)
@@ -342,12 +343,12 @@ impl Study {
 
 /// Writes columns as a JSON object with a list for each column. Each column is a name and the cells as JSON, separated
 /// by commas.
-fn add_columns<'a>(text: &mut String, columns: impl Iterator<Item = (&'a str, &'a str)>) {
+fn add_columns<'a>(text: &mut String, columns: impl Iterator<Item = (&'a str, impl AsRef<str>)>) {
     for (place, (name, cells)) in columns.enumerate() {
         text.push(if place == 0 { '{' } else { ',' });
         text.push_str(&json!(name).to_string());
         text.push_str(":[");
-        text.push_str(cells);
+        text.push_str(cells.as_ref());
         text.push(']');
     }
     text.push('}');

@@ -40,7 +40,7 @@ fn rows(study: &Arc<Study>, chunks: usize) -> Rows {
 
 fn fitted(fit: Value) -> Result<Value, Faults> {
     let study = Arc::new(Study::read(kind(), fit)?);
-    let text = study.document(&"key", &"engine", &rows(&study, 1));
+    let text = study.document(&"key", &"engine", rows(&study, 1));
     assert!(text.len() <= study.bytes(), "{} {}", text.len(), study.bytes());
     Claimed::read(&study, &"key", &"engine", &text).unwrap();
     Ok(serde_json::from_str(&text).unwrap())

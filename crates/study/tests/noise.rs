@@ -45,7 +45,7 @@ fn document(fit: Value) -> Result<Value, Faults> {
     let study = Arc::new(Study::read(Kind::named("fit").unwrap(), fit)?);
     let mut points = Points::chunk(Arc::clone(&study), 0, 1, Rows::default());
     let rows = iter::repeat_with(|| points.step()).find_map(|rows| rows).unwrap();
-    let text = study.document(&"key", &"engine", &rows);
+    let text = study.document(&"key", &"engine", rows);
     assert!(text.len() <= study.bytes(), "{} {}", text.len(), study.bytes());
     Ok(serde_json::from_str(&text).unwrap())
 }

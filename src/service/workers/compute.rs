@@ -132,7 +132,7 @@ impl Worker {
         let goes_on = &mut || self.check(claimed).is_ok();
         // If `check` fails during the computation, it fails again, because a reason to stop never disappears.
         let stopped = || self.check(claimed).err().unwrap_or(NotMade::Interrupted);
-        Answer::of_study_while(claimed.key, &study, &rows, goes_on).ok_or_else(stopped)
+        Answer::of_study_while(claimed.key, &study, rows, goes_on).ok_or_else(stopped)
     }
 
     /// Fails with the reason if the computation must not continue.

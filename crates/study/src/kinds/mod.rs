@@ -45,7 +45,7 @@ mod tests {
 
     /// The document of a study that is computed in this number of chunks.
     pub fn document(study: &Arc<Study>, chunks: usize) -> Value {
-        let text = study.document(&"key", &"engine", &rows(study, chunks));
+        let text = study.document(&"key", &"engine", rows(study, chunks));
         assert!(text.len() <= study.bytes(), "{} {}", text.len(), study.bytes());
         Claimed::read(study, &"key", &"engine", &text).unwrap();
         serde_json::from_str(&text).unwrap()
@@ -137,7 +137,7 @@ mod tests {
         // Each call of `step` completes one run. The last call returns the rows.
         assert_eq!(steps, AMPLITUDES.len() * STEPS + 1);
         let document: Value =
-            serde_json::from_str(&study.document(&"key", &"engine", &rows.unwrap())).unwrap();
+            serde_json::from_str(&study.document(&"key", &"engine", rows.unwrap())).unwrap();
         // K. L. Johnson, Contact Mechanics (1985), (4.22) and (7.41): U = 3μF/(4G*a).
         let radius = libm::cbrt(3.0 * 100.0 * 0.01 / (4.0 * 113e9));
         for (number, amplitude) in AMPLITUDES.iter().enumerate() {

@@ -540,7 +540,7 @@ mod tests {
             asked += 1;
             asked < 2
         };
-        assert_eq!(study.document_while(&"key", &"engine", &rows(&study, 1), &mut goes_on), None);
+        assert_eq!(study.document_while(&"key", &"engine", rows(&study, 1), &mut goes_on), None);
         assert_eq!(asked, 2);
     }
 
