@@ -203,7 +203,13 @@ pub fn aperture(x: &[f64], force: &[f64], middle: f64) -> f64 {
         let next = (row + 1) % x.len();
         let (f, f1) = (force[row] - middle, force[next] - middle);
         let place = x[row] + (x[next] - x[row]) * f / (f - f1);
-        if (f < 0.0) == (f1 < 0.0) { 0.0 } else { place * f.signum() }
+        if (f < 0.0) == (f1 < 0.0) {
+            0.0
+        } else if f < 0.0 {
+            -place
+        } else {
+            place
+        }
     });
     0.5 * passes.sum::<f64>().abs()
 }

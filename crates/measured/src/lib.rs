@@ -86,8 +86,9 @@ pub fn read(bytes: &[u8], wanted: &Wanted<'_>) -> Result<Measured, Faults> {
     let rows: Vec<(f64, f64)> = rows.collect();
     let prepared = match wanted.prepare {
         Prepare::Points => {
-            let sigma = columns.iter().find(|column| column.name == sigma && column.unit == y.unit);
-            Ok(points(&x, &y, sigma, &mut notes)?)
+            let sigma = columns.iter().find(|column| column.name == sigma);
+            let sigma = sigma.and_then(|sigma| sigma.errors_of(&y, &mut notes));
+            Ok(points(&x, &y, sigma.as_ref(), &mut notes)?)
         }
         Prepare::Loop => loops::loops(rows, &mut notes),
         _ => trace::profile(rows, wanted, &mut notes),

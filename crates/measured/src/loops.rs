@@ -39,22 +39,24 @@ const COLUMNS: &str =
     "points energy energy_error displacement_amplitude force_amplitude aperture slope slope_error";
 
 /// What is wrong with a cycle.
-const FAULTS: [&str; 2] = [
+const FAULTS: [&str; 3] = [
     "with fewer rows than their neighbours",
+    "in which the displacement jumps, as between two recordings (read each of them alone)",
     "that do not end at the force at which they begin, as from rest",
 ];
 /// Maximum number of places in a note.
 const MOST: usize = 5;
 
-/// Why a cycle gives wrong numbers: it lacks rows, or ends at another force than it begins with.
-fn fault(record: &Record, cycles: &[Cycle], at: usize) -> Option<&'static str> {
+/// Why a cycle gives wrong numbers.
+fn fault(record: &Record, jumps: &[usize], cycles: &[Cycle], at: usize) -> Option<&'static str> {
     let length = |it: &Cycle| it.2.row - it.1.row;
     let near = (at.saturating_sub(2)..(at + 3).min(cycles.len())).filter(|other| *other != at);
     let usual = median(near.map(|other| length(&cycles[other])));
     let (_, begin, end) = &cycles[at];
     let is_short = length(&cycles[at]) < (LACKS * usual).min(usual - 2.0);
-    let is_open = (!record.closes(begin, end)).then_some(FAULTS[1]);
-    if is_short { Some(FAULTS[0]) } else { is_open }
+    let is_jump = jumps.iter().any(|row| (begin.row..end.row).contains(&(*row as f64)));
+    let faults = [is_short, is_jump, !record.closes(begin, end)];
+    faults.into_iter().zip(FAULTS).find(|it| it.0).map(|it| it.1)
 }
 
 /// Leaves out spikes: rows that are far off their neighbours.
@@ -91,7 +93,9 @@ pub fn loops(rows: Vec<(f64, f64)>, notes: &mut Notes) -> Result<Value, String> 
         ));
     }
     let outer = [first.1.row.ceil() as usize, count.saturating_sub(last.2.row.ceil() as usize)];
-    let faults = (0..cycles.len()).map(|at| fault(&record, &cycles, at)).zip(&cycles);
+    // The motion itself can jump.
+    let jumps = Some(record.jumps()).filter(|jumps| jumps.len() < cycles.len()).unwrap_or_default();
+    let faults = (0..cycles.len()).map(|at| fault(&record, &jumps, &cycles, at)).zip(&cycles);
     let faults: Vec<_> = faults.collect();
     let is_any = faults.iter().any(|it| it.0.is_none());
     let told = if is_any { "left out" } else { "kept, as there is no other: record more cycles" };

@@ -52,12 +52,19 @@ fn has(name: &str, list: &str) -> bool {
     parts.chain([&*whole]).any(|word| list.split(' ').any(|own| is_own(word, own)))
 }
 
-/// The column of friction forces among columns of forces.
+/// The column of friction forces among columns of forces. `others` are columns without a known unit.
 ///
 /// # Errors
 /// Names do not decide.
-pub fn friction<'a>(names: &[&'a str]) -> Result<Option<&'a str>, String> {
+pub fn friction<'a>(names: &[&'a str], others: &[&str]) -> Result<Option<&'a str>, String> {
     let mut found: Vec<&str> = names.iter().copied().filter(|name| has(name, TANGENTIAL)).collect();
+    let unknown = others.iter().find(|name| name.len() > 1 && has(name, TANGENTIAL));
+    if let Some(name) = unknown.filter(|_| found.is_empty()) {
+        return Err(format!(
+            "must be the friction force, as the name “{name}” says, but that column has no unit. Write it, such as {name} [N], or \
+             choose another column"
+        ));
+    }
     if found.is_empty() {
         found.extend(names.iter().filter(|name| !has(name, NORMAL)));
     }

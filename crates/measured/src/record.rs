@@ -26,6 +26,9 @@ const CHANGE: (f64, f64) = (0.05, 6.0);
 /// A cut away from the middle must give this many more cycles than one in the middle, because amplitudes change its place.
 const ASIDE: f64 = 0.5;
 
+/// From row to row, the displacement jumps if it changes by this many times what all but this share of the rows change by at most.
+const JUMP: (f64, f64) = (3.0, 0.02);
+
 /// Where a cycle begins or ends: its row, the displacement and the force there, and the energy until there.
 #[derive(Clone, Copy)]
 pub struct Cut {
@@ -146,6 +149,15 @@ impl Record {
         let open = |it: &Cycle| (it.2.x - it.1.x).abs() / self.ranges[0];
         let score = whole.map(|it| 1.0 - open(it) - CHANGE.1 * (change(it) - CHANGE.0).max(0.0));
         (score.sum::<f64>() - if share == 0.0 { 0.0 } else { ASIDE }, cycles)
+    }
+
+    /// The rows after which the displacement jumps, as where one recording ends and another begins.
+    pub fn jumps(&self) -> Vec<usize> {
+        let steps: Vec<f64> = self.x.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
+        let mut sorted = steps.clone();
+        let usual = ((1.0 - JUMP.1) * steps.len() as f64) as usize;
+        let most = JUMP.0 * *sorted.select_nth_unstable_by(usual, f64::total_cmp).1;
+        (0..steps.len()).filter(|row| steps[*row] > most).collect()
     }
 
     /// The numbers of a cycle: those of a table of loops.

@@ -12,7 +12,7 @@ use super::cell::{Spelling, is_bad, ungrouped, written};
 use super::lines::{Block, Lines};
 use super::names::{friction, function, is_count, is_index};
 use super::text::decode;
-use super::units::{GRAVITY, header, unit};
+use super::units::{GRAVITY, has_factor, header, unit};
 use crate::notes::Notes;
 
 /// Maximum number of characters of a name, and of a cell in a fault.
@@ -44,6 +44,29 @@ pub struct Column {
 }
 
 impl Column {
+    /// These standard deviations of a column in its unit, if that is known. They can be in percent.
+    pub fn errors_of(&self, of: &Self, notes: &mut Notes) -> Option<Self> {
+        let mut own = self.clone();
+        match (&self.unit, &of.stated) {
+            (None, Some(unit)) => own.convert(unit, notes).ok()?,
+            (Some(unit), _) if unit == "%" => {
+                let share = |(share, value): (&Option<f64>, &Option<f64>)| {
+                    Some(0.01 * (*share)? * (*value)?)
+                };
+                own.values = self.values.iter().zip(&of.values).map(share).collect();
+            }
+            _ if self.unit != of.unit => {
+                notes.push(format!(
+                    "“{}” has another unit than “{}”, so it was not used.",
+                    self.name, of.name
+                ));
+                return None;
+            }
+            _ => {}
+        }
+        Some(own)
+    }
+
     /// Converts the values from the unit `text` to SI.
     fn convert(&mut self, text: &str, notes: &mut Notes) -> Result<(), String> {
         let own = self.stated.as_deref();
@@ -64,6 +87,9 @@ impl Column {
         Ok(())
     }
 }
+
+/// Words in rows that are computed from the others.
+const SUMMARIES: &str = "mean average avg median sum total std stdev sd mittelwert summe stabw";
 
 /// The beginning of a text.
 fn short(text: &str) -> String {
@@ -161,14 +187,24 @@ impl<'a> Lines<'a> {
     ) -> Result<Vec<Column>, String> {
         let mut columns = vec![Column::default(); headers.len()];
         let mut spelling = Spelling::default();
-        // Somebody has taken these rows out of the data.
-        let is_out = |at: &usize| self.all[*at].1.starts_with('#');
+        // Somebody has taken these rows out of the data, or computed them from the others.
+        let numbers = &block.layout.numbers;
+        let has_texts = numbers.len() < block.layout.cells || numbers.contains(&false);
+        let is_summary = |cell: &Cow<'_, str>| {
+            let word = cell.trim_end_matches([':', '.']).to_lowercase();
+            SUMMARIES.split(' ').any(|own| own == word)
+        };
+        let is_out = |at: &usize| {
+            self.all[*at].1.starts_with('#') || has_texts && self.cells(*at).iter().any(is_summary)
+        };
         let is_all = block.rows.clone().all(|at| is_out(&at));
         let (out, rows): (Vec<_>, Vec<_>) =
             block.rows.clone().partition(|at| is_out(at) && !is_all);
         notes.extend(out.first().map(|first| {
-            let (count, line) = (out.len(), self.all[*first].0);
-            format!("{count} row(s) that begin with # were left out, the first in line {line}.")
+            let (count, (line, text)) = (out.len(), self.all[*first]);
+            let kind =
+                if text.starts_with('#') { "that begin with #" } else { "with means or sums" };
+            format!("{count} row(s) {kind} were left out, the first in line {line}.")
         }));
         let other = decimal.map(|mark| if mark == '.' { [','] } else { ['.'] });
         for (row, at) in rows.into_iter().enumerate() {
@@ -293,9 +329,19 @@ impl Table {
             column.convert(unit, &mut self.notes).map_err(|detail| format!("“{head}” {detail}"))?;
             errors.convert(unit, &mut Vec::new())?;
         }
+        if has_factor(&column.name) {
+            self.notes.push(format!(
+                "“{head}” has a factor in its name, so its unit is not known. Write the numbers without the factor, and only \
+                 the unit behind the name."
+            ));
+            (column.dimension, column.unit) = (None, Some(head.to_owned()));
+        }
         self.columns.push(column);
         if !errors.values.is_empty() {
-            self.notes.push(format!("The numbers behind ± are the column “{}”.", errors.name));
+            self.notes.push(format!(
+                "The numbers behind ± are the column “{}”, as standard deviations.",
+                errors.name
+            ));
             self.columns.push(errors);
         }
         Ok(())
@@ -333,8 +379,11 @@ impl Table {
         });
         let mut own = others.first().map(|it| &*it.name);
         if needed == Some(Dimension::Force) && wanted.is_none() {
-            others.retain(is_like);
-            own = friction(&others.iter().map(|it| &*it.name).collect::<Vec<_>>())?.or(own);
+            let (forces, rest): (Vec<_>, Vec<_>) = others.into_iter().partition(is_like);
+            let rest = rest.iter().filter(|it| it.dimension.is_none());
+            let [forces, rest]: [Vec<&str>; 2] =
+                [forces.iter().map(|it| &*it.name).collect(), rest.map(|it| &*it.name).collect()];
+            own = friction(&forces, &rest)?.or(own);
         }
         let missing = "is missing: the file has only one column of numbers";
         let wanted = wanted.or(own).ok_or(missing)?.to_owned();
@@ -355,7 +404,7 @@ impl Table {
             Some(it) => Err(format!(
                 "must be {}. Add its unit, such as {name} [{}], to the row of names, or to this parameter",
                 it.name(),
-                it.si()
+                if it == Dimension::Length { "um" } else { it.si() }
             )),
             None => Ok(column),
         }

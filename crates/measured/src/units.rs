@@ -16,6 +16,10 @@ const OTHERS: &str = "Å 0.1nm pm 0.001nm gf 0.00980665N kgf 9.80665N kp 9.80665
 const WORDS: &str = "micron um angstrom Å meter m metre m newton N pascal Pa joule J gram g gramforce gf kilogramforce kgf \
                      inch in inche in degree deg radian rad sec s second s minute min hour h percent %";
 const PREFIXES: &str = "nano n micro u milli m centi c kilo k mega M giga G";
+/// The word before a unit, as in `Load in N`. It is no inch.
+const IN: &str = "in ";
+/// Words for a factor in the name of a column.
+const MANY: &str = "thousand thousands million millions mio tsd";
 /// Texts for many cycles. The first of each stands alone, too.
 const COUNTS: [(&str, f64); 2] =
     [("thousand k kilo 10^3 10³ 1e3 1000", 1e3), ("million m mega 10^6 10⁶ 1e6 1000000", 1e6)];
@@ -71,7 +75,7 @@ fn counts(text: &str) -> Option<f64> {
 
 /// Reads the unit of a header or of a cell.
 pub fn unit(text: &str) -> Option<Unit> {
-    let text = &*symbol(text);
+    let text = &*symbol(text.strip_prefix(IN).unwrap_or(text));
     let plain = text.replace(['µ', 'μ'], "u");
     let mass = MASSES.iter().find(|it| it.0 == plain).map(|it| (None, "kg", it.1));
     let of = |it: Dimension| Some((Some(it), it.si(), parse(&format!("1 {text}"), it).ok()?));
@@ -129,7 +133,7 @@ fn factor(name: &str, is_bracketed: bool) -> Option<usize> {
     let name = name.trim_end();
     let word = name.rsplit([' ', '/', '(', ',', '*', '×']).next().unwrap_or("");
     let at = name.len() - word.len();
-    let plain = word.trim_start_matches(if at > 0 { 'x' } else { ' ' }).trim_end_matches(')');
+    let plain = word.trim_start_matches('x').trim_end_matches(')');
     let is_power = plain.starts_with("10") && !plain.contains(char::is_alphabetic);
     let is_number = is_power || plain.parse::<f64>().is_ok_and(f64::is_finite);
     let is_label = is_bracketed
@@ -137,6 +141,27 @@ fn factor(name: &str, is_bracketed: bool) -> Option<usize> {
         && (word == plain || plain.len() == 1)
         && !name[..at].trim_end().ends_with(['×', '*', '/']);
     (is_number && !is_label).then_some(at)
+}
+
+/// Whether a name has a factor, as in `V·10³`, `V x 1000`, `1000*V`, `N in 1000`, `V E+3` and `V, Mio.`. It can belong to the quantity
+/// or to the unit.
+pub fn has_factor(name: &str) -> bool {
+    let is_digit = |it: char| it.is_ascii_digit() || "⁰¹²³⁴⁵⁶⁷⁸⁹".contains(it);
+    let is_product = |(at, mark): (usize, &str)| {
+        let (before, after) = (name[..at].trim_end(), name[at + mark.len()..].trim_start());
+        let is_sign = mark != "x" || name[..at].ends_with(' ');
+        is_sign && !before.is_empty() && (before.ends_with(is_digit) || after.starts_with(is_digit))
+    };
+    let mut words =
+        name.split([' ', ',', '(', ')', '/', '_']).map(|word| word.trim_end_matches('.'));
+    let is_power = |word: &str| {
+        let raised = word.strip_prefix("10").or(word.strip_prefix(['e', 'E'])).unwrap_or("");
+        raised.starts_with(['^', '+', '-', '⁻'])
+            || word.starts_with("10") && raised.contains(|it| is_digit(it) && !it.is_ascii())
+    };
+    ["·", "⋅", "*", "×", "x"].iter().any(|mark| name.match_indices(mark).any(is_product))
+        || words.any(|word| is_power(word) || MANY.split(' ').any(|own| own == word.to_lowercase()))
+        || name.contains(" in 10") && name.ends_with('0')
 }
 
 /// Splits a header such as `Depth [µm]`, `Force/N`, `dx_um` or `wear_volume mm^3` into name and unit. A factor belongs to the
@@ -163,5 +188,5 @@ pub fn header(text: &str) -> (&str, Option<&str>) {
     let marks = [' ', '/', ',', '(', ':', '×', '*', '_'];
     let unit = unit.trim_matches(['[', ']', ' ', '/', ',', '_']);
     let inner = unit.strip_prefix('(').and_then(|own| own.strip_suffix(')')).unwrap_or(unit);
-    (name.trim_matches(marks), at.map(|_| inner))
+    (name.trim_matches(marks), at.map(|_| inner.strip_prefix(IN).unwrap_or(inner)))
 }

@@ -152,8 +152,33 @@ fn a_factor_makes_a_unit_unknown() {
         let y = head.starts_with('V').then(|| good(&format!("a;{head}\n1;2\n")));
         assert!(y.is_none_or(|read| read.prepared["data"].is_null()), "{head}");
     }
-    let rows = good("cycles;V\n-;10^-3 mm^3\n1;2\n");
-    assert_eq!(rows.columns[1].unit.as_deref(), Some("10^-3 mm^3"));
+    for head in [
+        "V·10³ [mm³]",
+        "V x 1000 [mm^3]",
+        "10³·V/mm³",
+        "1000*V [mm^3]",
+        "V E+3 [mm3]",
+        "V, Mio. mm³",
+        "depth·100 [um]",
+        "cycles x 1000",
+        "N in 1000",
+        "Zyklen in Tsd.",
+    ] {
+        let of_x = good(&format!("{head};V [mm^3]\n1;2\n"));
+        assert!(of_x.prepared["data"].is_null(), "{head}: {:?}", of_x.prepared);
+        assert!(of_x.notes.iter().any(|note| note.contains("has a factor in its name")), "{head}");
+        assert!(good(&format!("cycles;{head}\n1;2\n")).prepared["data"].is_null(), "{head}");
+    }
+    for head in ["10^-3 mm^3", "x10^-3 mm^3"] {
+        let rows = good(&format!("cycles;V\n-;{head}\n1;2\n"));
+        assert_eq!(rows.columns[1].unit.as_deref(), Some(head));
+    }
+    // The word “in” is no inch.
+    for (head, unit) in
+        [("Load in N", Some("N")), ("V (in mm^3)", Some("m^3")), ("Area in mm^2", None)]
+    {
+        assert_eq!(good(&format!("{head};b\n1;2\n")).columns[0].unit.as_deref(), unit, "{head}");
+    }
     for (label, factor) in [("Sensor 2 (um)", 1e-6), ("Force 1", 1.0), ("x1 (um)", 1e-6)] {
         assert_eq!(good(&format!("{label};b\n1;2\n")).columns[0].values, [Some(factor)], "{label}");
     }
@@ -289,7 +314,7 @@ fn columns_are_chosen_by_name_and_unit() {
     let said = refused(b"x;z [um]\n1;2\n3;4\n", &of("x", "z [mm]"));
     assert!(said.contains("/y: has two units: [um] [mm]"), "{said}");
     let said = refused(b"x;z [um]\n1;2\n3;4\n", &Wanted { prepare: Prepare::Trace, ..ALL });
-    assert!(said.contains("/x: must be a length. Add its unit, such as x [m]"), "{said}");
+    assert!(said.contains("/x: must be a length. Add its unit, such as x [um]"), "{said}");
     let said = refused(b"x [um];z [um]\n1;2\n", &Wanted { prepare: Prepare::Trace, ..ALL });
     assert!(
         said.contains("/prepare: needs 30 rows with both numbers, but the file has 1"),
@@ -457,6 +482,12 @@ fn footers_and_words_of_errors_are_told() {
         assert!(read.notes.iter().any(|note| note.contains(told)), "{told}: {:?}", read.notes);
     }
     assert_eq!(read.prepared["data"]["output"], "wear_volume");
+    let text = "sample;cycles;V [mm^3]\nA;1;0.5\nB;2;-9999\nC;3;<0.01\nD;4;9.91E+37\nE;5;0.25\nmean;3;0.15\nSD:;2;0.1\n";
+    let read = good(text);
+    assert_eq!(values(&read, "V"), [Some(5e-10), None, None, None, Some(2.5e-10)]);
+    for told in ["2 row(s) with means or sums were left out", "3 cell(s) of “V [mm^3]”"] {
+        assert!(read.notes.iter().any(|note| note.contains(told)), "{:?}", read.notes);
+    }
 }
 
 #[test]
@@ -474,6 +505,17 @@ fn numbers_have_errors_and_units() {
         (sigma[1].as_f64().unwrap() / 0.3e-12 - 1.0).abs() < 1e-12 && sigma[3].is_null(),
         "{sigma}"
     );
+    let sigma = |text: &str| good(text).prepared["data"]["sigma"][0].as_f64().unwrap();
+    for text in [
+        "cycles;V\n1;0.2 mm^3 ± 5 %\n2;0.3 mm^3 ± 5 %\n",
+        "cycles;V [mm^3];V sigma\n1;0.2;0.01\n",
+        "cycles;V [mm^3];V sigma [%]\n1;0.2;5\n",
+    ] {
+        assert!((sigma(text) / 1e-11 - 1.0).abs() < 1e-12, "{text}");
+    }
+    for cell in ["0.12 ± 0.01 x 10^-3 mm^3", "0.12 mm^3 ± 10 um^3"] {
+        refused(format!("cycles;V\n1;{cell}\n2;{cell}\n").as_bytes(), &ALL);
+    }
     let powers = good("cycles;depth\n1000;10 x 10^-6 m\n2000;1.2·10⁻⁵ m\n3000;1.5e-5 m\n");
     let depths: Vec<_> = values(&powers, "depth").into_iter().flatten().collect();
     for (depth, truth) in depths.iter().zip([1e-5, 1.2e-5, 1.5e-5]) {
@@ -597,7 +639,7 @@ fn each_message_leads_to_the_mend() {
             Prepare::Points,
             "the same separator in all lines",
         ),
-        (trace, Prepare::Trace, "/x: must be a length. Add its unit, such as x [m]"),
+        (trace, Prepare::Trace, "/x: must be a length. Add its unit, such as x [um]"),
         (ring.clone(), Prepare::Loop, "/y: must be a force. Add its unit, such as F [N]"),
         (half, Prepare::Loop, "Keep the rows of one or more whole cycles"),
     ] {

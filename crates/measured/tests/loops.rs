@@ -346,6 +346,17 @@ fn a_record_that_ends_at_a_reversal_is_cut_there() {
 }
 
 #[test]
+fn a_force_of_minus_zero_is_zero() {
+    // A parallelogram that holds at its corners and in the middle of its force.
+    let corners =
+        [(-10.0, -50.0), (-5.0, -0.0), (0.0, 50.0), (10.0, 50.0), (5.0, -0.0), (0.0, -50.0)];
+    let rows = (0..10).flat_map(|_| corners).flat_map(|corner| [corner; 10]);
+    let found = read(file(rows).as_bytes(), &LOOP).unwrap();
+    let aperture = found.prepared["mean"]["aperture"].as_f64().unwrap();
+    assert!((aperture - 5e-6).abs() < 1e-9, "{aperture}");
+}
+
+#[test]
 fn long_spikes_short_neighbours_drift_and_columns_without_a_loop_are_told() {
     let ten = stick(2001, |time| 10.0 * (TAU * time).sin())[200..].to_vec();
     let mut spikes = ten.clone();
@@ -358,6 +369,8 @@ fn long_spikes_short_neighbours_drift_and_columns_without_a_loop_are_told() {
     let drifts = |(row, it): (usize, &(f64, f64))| (it.0 + 0.005 * row as f64, it.1);
     let drifts: Vec<_> = ten[..650].iter().enumerate().map(drifts).collect();
     let still: Vec<_> = ten.iter().map(|(_, force)| (7.0, *force)).collect();
+    // Recordings of a cycle, each of which begins elsewhere in it.
+    let bursts = [0, 60, 120, 20, 90, 150, 40].map(|first| &ten[first..first + 200]).concat();
     let said = |rows: &[(f64, f64)]| {
         let found = read(file(rows.iter().copied()).as_bytes(), &LOOP);
         let told = |found: Measured| {
@@ -368,6 +381,7 @@ fn long_spikes_short_neighbours_drift_and_columns_without_a_loop_are_told() {
     for (rows, energy, told) in [
         (&spikes, 1.5e-3, "9 row(s) with spikes were left out, the first is row 301"),
         (&gaps, 1.5e-3, "2 cycle(s) with fewer rows than their neighbours"),
+        (&bursts, f64::NAN, "in which the displacement jumps"),
         (&drifts, 1.5e-3, "The rows are 3 cycle(s)"),
         (&elastic, 0.0, "in 9 cycle(s): all of it in cycle"),
         (&still, f64::NAN, "choose the column of the displacement as x"),

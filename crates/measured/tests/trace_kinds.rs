@@ -468,6 +468,10 @@ fn one_scar_is_chosen() {
         let volume = measured.prepared["trace"]["volume_removed"]["value"].as_f64().unwrap();
         assert!((volume / two.removed() - 1.0).abs() < 0.01, "{:?}", measured.notes);
     }
+    let narrow = answer(&two, &Wanted { scar: Some([330e-6, 530e-6]), ..TRACE }).unwrap();
+    let told: Vec<_> =
+        narrow.notes.iter().filter(|note| note.contains("an end of scar=")).collect();
+    assert!(told.len() == 1 && told[0].contains("x = 328"), "{told:?}");
     // Partial slip wears a ring, whose middle sticks.
     let ring = made(8000.0, &[at(500.0), at(900.0)]);
     let measured = answer(&ring, &TRACE).unwrap();
@@ -497,6 +501,25 @@ fn one_scar_is_chosen() {
 }
 
 #[test]
+fn filters_and_few_points_are_told() {
+    let hump = |middle, half, height| Part { kind: Kind::Hump, middle, half, height, skew: 0.0 };
+    let humps = [hump(400.0, 100.0, 0.95), hump(700.0, 200.0, -1.0), hump(1000.0, 100.0, 0.95)];
+    let filtered = answer(&made(f64::INFINITY, &humps), &TRACE).unwrap();
+    let is_told = |measured: &Measured| {
+        measured.notes.iter().any(|note| note.contains("A filter of the instrument"))
+    };
+    assert!(is_told(&filtered), "{:?}", filtered.notes);
+    assert!(!is_told(&answer(&made(f64::INFINITY, &humps[..2]), &TRACE).unwrap()));
+    for count in [30, 40, 60] {
+        let few = Made { count, ..made(f64::INFINITY, &[SCAR]) };
+        let measured = answer(&few, &TRACE).unwrap();
+        let depth = &measured.prepared["trace"]["depth"];
+        let [value, error] = ["value", "error"].map(|name| 1e6 * depth[name].as_f64().unwrap());
+        assert!((value - SCAR.extreme()).abs() < 3.0 * error, "{count}: {value} ± {error}");
+    }
+}
+
+#[test]
 fn levelled_balls_and_faults_of_instruments_are_told() {
     let flat = Part { height: -210.0 * 210.0 / 10_000.0, ..SCAR };
     let levelled = Made { turned: 0.009, levelled: true, ..made(5000.0, &[flat]) };
@@ -512,7 +535,8 @@ fn levelled_balls_and_faults_of_instruments_are_told() {
     for value in [0.0, -9999.0] {
         let dropped = Made { dropped: (30, value), ..made(f64::INFINITY, &[SCAR]) };
         let measured = answer(&dropped, &TRACE).unwrap();
-        assert!(measured.notes.iter().any(|note| note.contains("are drop-outs and were left out")));
+        let told = ["are drop-outs and were left out", "taken as unknown numbers"];
+        assert!(measured.notes.iter().any(|note| told.iter().any(|own| note.contains(own))));
         assert!(off(&dropped, &measured)[0].abs() < 0.01, "{:?}", measured.notes);
     }
     // Each position twice, with heights of opposite errors.

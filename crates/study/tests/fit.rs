@@ -242,6 +242,22 @@ fn output_at(scenario: &Value, name: &str, x: f64) -> f64 {
 }
 
 #[test]
+fn energies_near_the_last_one_that_the_contact_reaches_are_predicted() {
+    let mut scenario = ball();
+    scenario["load"]["held"] = json!("force");
+    scenario["motion"] = json!({"amplitude": "2.256 um"});
+    let cycles = [1e3, 1e4, 1e5];
+    let [x, y] = ["dissipated_energy", "wear_volume"]
+        .map(|name| cycles.map(|at| output_at(&scenario, name, at)));
+    let data = json!({"output": "wear_volume", "over": "dissipated_energy", "x": x, "y": y, "relative": 0.03});
+    let found = fitted(json!({"scenario": scenario, "starts": 2,
+        "parameters": [{"pointer": "/wear/coefficient", "from": 2e-14, "to": 5e-14}],
+        "tests": [{"data": [data]}]}));
+    let estimate = found.unwrap()["parameters"][0]["estimate"].as_f64().unwrap();
+    assert!((estimate / 3e-14 - 1.0).abs() < 1e-3, "{estimate}");
+}
+
+#[test]
 fn volumes_and_profiles_that_need_different_coefficients_are_told_first() {
     let found = |factor: f64| {
         let mut deeper = ball();

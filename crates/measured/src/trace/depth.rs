@@ -10,21 +10,24 @@ use crate::curve::smooth;
 
 /// The first window is this share of the scar, but not fewer points. Each one is wider by the factor, up to the last share.
 const FIRST: f64 = 1.0 / 80.0;
-const FEWEST: f64 = 5.0;
-const FACTOR: f64 = 1.4;
+const FEWEST: f64 = 3.0;
+const FACTOR: f64 = 1.6;
 const LAST: f64 = 0.7;
 
 /// The largest depth of the scar, and its standard deviation.
 pub fn deepest(Scar { trace, range, gaps, .. }: &Scar) -> Size {
     let (depths, surface) = (&trace.depths[range.clone()], &trace.surface);
     let count = depths.len() as f64;
-    let (mut size, mut before, mut least) = ((FIRST * count).max(FEWEST), None, f64::NEG_INFINITY);
+    let means = |half: usize| smooth(depths, 2 * half + 1).into_iter().enumerate();
+    let largest = |half| means(half).max_by(|one, other| one.1.total_cmp(&other.1));
+    let half = |size: f64| (0.5 * (size - 1.0)).round() as usize;
+    let (mut size, mut least) = ((FIRST * count).max(FEWEST), f64::NEG_INFINITY);
+    let mut before = largest(half(size / FACTOR)).map(|narrower| narrower.1);
     let mut found = Size { value: 0.0, errors: [surface.scatter, 0.0, 0.0, 0.0] };
     let mut near = 0..0;
     while size <= (LAST * count).max(FEWEST).min(count) {
-        let half = size as usize / 2;
-        let means = smooth(depths, 2 * half + 1).into_iter().enumerate();
-        let Some((at, mean)) = means.max_by(|one, other| one.1.total_cmp(&other.1)) else { break };
+        let half = half(size);
+        let Some((at, mean)) = largest(half) else { break };
         if mean < least {
             break;
         }

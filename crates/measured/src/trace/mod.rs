@@ -32,6 +32,8 @@ pub use wanted::{ENDS, Prepare, Up, Wanted, ends};
 
 /// From this error of the removed volume in percent, a note says where it comes from.
 const UNCERTAIN: f64 = 5.0;
+/// A filter that takes long waves away makes the added area equal to the removed one, within this share.
+const BALANCED: f64 = 0.1;
 const UM: f64 = 1e6;
 
 /// Makes a profile of wear from a trace of heights `z`.
@@ -116,6 +118,7 @@ fn tell(
         let none = "No scar was found, so there are no wear depths. If you know where it is,";
         return notes.push(format!("{none} {CHOOSE}."));
     };
+    let is_filtered = (removed.value + added.value).abs() < BALANCED * removed.value;
     let (share, cause) = (100.0 * volume.error() / volume.value, volume.cause());
     let [depth, removed, added, volume] =
         [(depth, UM), (removed, UM * UM), (added, UM * UM), (volume, UM * UM * UM)]
@@ -124,6 +127,13 @@ fn tell(
         "The scar is from x = {from:.3} um to {to:.3} um, and {depth} um deep. {removed} um^2 were removed below the unworn \
          surface, and {added} um^2 stand above it. About the axis, {volume} um^3 were removed."
     ));
+    if is_filtered {
+        notes.push(
+            "As much stands above the unworn surface as was removed below it. A filter of the instrument (a cutoff) does this, \
+             and makes depth and volume too small. Then export the trace without filters."
+                .to_owned(),
+        );
+    }
     if share > UNCERTAIN {
         notes
             .push(format!("The removed volume is uncertain by {share:.1} %, mostly from {cause}."));

@@ -72,7 +72,7 @@ fn farther(wanted: &Wanted<'_>) -> &'static str {
         return "Measure farther: the last tenth must be unworn";
     }
     "Measure farther: at each end, a tenth of the trace must be unworn. If the trace begins at the axis, give the axis x = 0 \
-     and write prepare=half (on the page: “PreparedTrace from the axis”; `fretwork fit` reads whole traces only)"
+     and write prepare=half (on the page: “Trace from the axis”; `fretwork fit` reads whole traces only)"
 }
 
 /// The unworn surface on both sides of a stretch, and the parts in it.
@@ -139,9 +139,10 @@ pub fn scar(mut points: Points, wanted: &Wanted<'_>, notes: &mut Notes) -> Resul
     }
     if let Some(step) = trace.surface.step() {
         notes.push(format!(
-            "The right side of the scar is {:.4} um higher than the left one. A line between both is the unworn surface. Half \
-             of the difference is in the errors: depth and volume are uncertain.",
-            UM * step
+            "The right side of the scar is {:.4} um {} than the left one. A line between both is the unworn surface. Half of \
+             the difference is in the errors: depth and volume are uncertain.",
+            UM * step.abs(),
+            if step > 0.0 { "higher" } else { "lower" }
         ));
     }
     let (added, removed) = trace.parts.iter().cloned().partition(|part| part.area < 0.0);
@@ -214,10 +215,13 @@ impl Scar {
         let [from, to] = self.trace.ends(&(one.start..other.end));
         // A half was mirrored.
         let is_mirrored = wanted.prepare == Prepare::Half && (from + to).abs() < 0.05 * to;
-        if wanted.scar.is_some() || is_mirrored || gap <= 0.5 {
+        if wanted.scar.is_some() || is_mirrored {
             return true;
         }
         let are_alike = (last.area / part.area).min(part.area / last.area) > RING;
+        if gap <= 0.5 && !are_alike {
+            return true;
+        }
         let is_ring = NEAR * gap <= 1.0 && are_alike;
         if is_ring {
             let [one, other] = [one, other].map(|range| self.trace.named(range));
@@ -251,7 +255,25 @@ impl Scar {
         let least = (SCATTER * self.trace.surface.scatter).max(SHARE * self.deepest(&all));
         (self.range, self.removed) = (self.deeper(&all, least), own.to_vec());
         self.near = self.trace.nearer(&all);
-        if wanted.scar.is_none() { self.check_sides(wanted) } else { Ok(()) }
+        if wanted.scar.is_none() {
+            return self.check_sides(wanted);
+        }
+        self.tell_ends(notes);
+        Ok(())
+    }
+
+    /// Says where the scar goes on beyond an end that the user chose.
+    fn tell_ends(&self, notes: &mut Notes) {
+        let least = CORE * self.deepest(&self.range);
+        for at in [self.range.start.saturating_sub(1), self.range.end] {
+            if let Some(depth) = self.trace.depths.get(at).filter(|depth| **depth > least) {
+                let (x, depth) = (UM * self.trace.points[at].0, UM * depth);
+                notes.push(format!(
+                    "At x = {x:.3} um, an end of scar=FROM..TO, the surface is {depth:.4} um below the unworn one. If the scar \
+                     goes on there, area and volume are too small: write ends outside of it."
+                ));
+            }
+        }
     }
 
     /// Finds gaps in the scar and where its depth is clipped, and refuses a gap that hides too much. A line fills a gap. It may

@@ -202,7 +202,10 @@ impl Set {
             }
             MeasuredQuantity::Column { column: own_column, .. } => {
                 column = own_column;
-                rescaled = own.iter().position(|(_, it)| only_rescales(&it.pointer, &scenario));
+                // Wear may stop just beyond an energy. So nodes beside it do not help, and each coefficient has its own run.
+                if self.over != "dissipated_energy" {
+                    rescaled = own.iter().position(|(_, it)| only_rescales(&it.pointer, &scenario));
+                }
             }
             MeasuredQuantity::Prior { .. } => return Ok(()),
         }
