@@ -10,7 +10,7 @@ const UNKNOWN: [&str; 8] = ["", "-", "–", "—", "nan", "na", "n/a", "null"];
 const BAD: &str =
     "bad blank err error fail failed invalid missing n.a. n.d. k.a. none overflow -nan";
 /// Numbers that instruments write where they measured nothing.
-const NOTHING: [f64; 4] = [-9999.0, -99999.0, 9.9e37, 9.91e37];
+pub const NOTHING: [f64; 4] = [-9999.0, -99999.0, 9.9e37, 9.91e37];
 /// The longest number with its error and unit, in bytes.
 const LONGEST: usize = 100;
 /// Spaces between thousands.
@@ -52,14 +52,13 @@ pub fn is_numeral(text: &str) -> bool {
 pub fn is_bad(text: &str) -> bool {
     let is_line = text.len() > 1 && text.chars().all(|it| "-–—_*?.".contains(it));
     // A number below the limit of detection, such as `<0.01`.
-    let is_below = text.strip_prefix('<').is_some_and(|limit| number(limit.trim()).is_some());
+    let is_below = text.strip_prefix('<').is_some_and(|limit| written(limit.trim()).is_some());
     let is_error = text.starts_with('#') && text[1..].starts_with(char::is_alphabetic);
     is_line
         || is_error
         || is_below
         || text.contains(".#")
         || BAD.split(' ').any(|own| own == text.to_lowercase())
-        || text.replace(',', ".").parse().is_ok_and(|number| NOTHING.contains(&number))
 }
 
 /// A number with a decimal point or comma. NaN stands for an unknown number, and `None` for any other text.
@@ -70,7 +69,6 @@ pub fn number(text: &str) -> Option<f64> {
     let is_digit = |byte: u8| byte.is_ascii_digit() || b"+-.eE".contains(&byte);
     let is_number = plain.bytes().all(is_digit) && !text.ends_with(',');
     let number = plain.parse().ok().filter(|number| is_number && f64::is_finite(*number));
-    let number = number.filter(|number| !NOTHING.contains(number));
     let is_unknown = || UNKNOWN.contains(&&*plain.to_lowercase()) || is_bad(text);
     number.or_else(|| is_unknown().then_some(f64::NAN))
 }
@@ -112,21 +110,21 @@ pub fn written(text: &str) -> Option<Written<'_>> {
     };
     let (error, after) = rest.split_once(')').unwrap_or((rest, ""));
     // In `0.12 ± 0.01 x 10^-3`, the power can belong to both numbers or to one.
-    let is_plain = !value.contains(['x', '×', '*', '·', 'e', 'E']);
-    if is_plain && error.contains(['x', '×', '*', '·']) {
+    let is_power = |text: &str| {
+        let factor = text.split_once(['x', '×', '*', '·']);
+        factor.is_some_and(|(_, power)| power.trim_start().starts_with("10"))
+    };
+    if is_power(error) && !is_power(value) && !value.contains(['e', 'E']) {
         return None;
     }
     let (value, mut sigma) = (quantity(value.trim_matches(['(', ' ']))?, quantity(error.trim())?);
-    if sigma.1 == "%" {
+    if sigma.1 == "%" && value.1 != "%" {
         sigma = (0.01 * sigma.0 * value.0.abs(), "");
     }
     let mut units = [value.1, sigma.1, after.trim()].into_iter().filter(|unit| !unit.is_empty());
     let own = units.next().unwrap_or("");
-    units.all(|other| other == own).then_some(Written {
-        value: value.0,
-        sigma: Some(sigma.0),
-        unit: own,
-    })
+    let is_one = units.all(|other| unit(other) == unit(own));
+    is_one.then_some(Written { value: value.0, sigma: Some(sigma.0), unit: own })
 }
 
 /// Examples of numbers with points, with commas, and with spaces: one whose mark can separate nothing but decimals, and one

@@ -7,6 +7,8 @@ const FUNCTIONS: &str = "log10 log2 log ln lg sqrt";
 /// Names, and beginnings of words in names, of forces across and along the surface.
 const NORMAL: &str = "normal load fn fz n p w";
 const TANGENTIAL: &str = "tangential friction lateral shear reib ft fx ff q t";
+/// Names of forces along the surface that name nothing else.
+const SHORT: &str = "ft fx ff";
 /// A shorter name is not the beginning of a word.
 const SHORTEST: usize = 4;
 
@@ -58,7 +60,10 @@ fn has(name: &str, list: &str) -> bool {
 /// Names do not decide.
 pub fn friction<'a>(names: &[&'a str], others: &[&str]) -> Result<Option<&'a str>, String> {
     let mut found: Vec<&str> = names.iter().copied().filter(|name| has(name, TANGENTIAL)).collect();
-    let unknown = others.iter().find(|name| name.len() > 1 && has(name, TANGENTIAL));
+    let letters = |name: &str| {
+        name.chars().filter(|it| it.is_alphabetic()).collect::<String>().to_lowercase()
+    };
+    let unknown = others.iter().find(|name| SHORT.split(' ').any(|own| own == letters(name)));
     if let Some(name) = unknown.filter(|_| found.is_empty()) {
         return Err(format!(
             "must be the friction force, as the name “{name}” says, but that column has no unit. Write it, such as {name} [N], or \

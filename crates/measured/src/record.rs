@@ -26,8 +26,9 @@ const CHANGE: (f64, f64) = (0.05, 6.0);
 /// A cut away from the middle must give this many more cycles than one in the middle, because amplitudes change its place.
 const ASIDE: f64 = 0.5;
 
-/// From row to row, the displacement jumps if it changes by this many times what all but this share of the rows change by at most.
-const JUMP: (f64, f64) = (3.0, 0.02);
+/// The displacement jumps between two rows if it changes by more than this many times the usual largest change: all but this share
+/// of the rows change by less. Spikes of up to six rows may be missing.
+const JUMP: (f64, f64) = (8.0, 0.02);
 
 /// Where a cycle begins or ends: its row, the displacement and the force there, and the energy until there.
 #[derive(Clone, Copy)]

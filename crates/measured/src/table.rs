@@ -8,7 +8,7 @@ use fretwork_engine::input::fault::unknown;
 use fretwork_engine::input::quantity::Dimension;
 use serde::Serialize;
 
-use super::cell::{Spelling, is_bad, ungrouped, written};
+use super::cell::{NOTHING, Spelling, is_bad, ungrouped, written};
 use super::lines::{Block, Lines};
 use super::names::{friction, function, is_count, is_index};
 use super::text::decode;
@@ -44,14 +44,15 @@ pub struct Column {
 }
 
 impl Column {
-    /// These standard deviations of a column in its unit, if that is known. They can be in percent.
+    /// The standard deviations in this column, in the unit of the column that they belong to. They can be in percent of its
+    /// numbers. `None` if they have another unit.
     pub fn errors_of(&self, of: &Self, notes: &mut Notes) -> Option<Self> {
         let mut own = self.clone();
         match (&self.unit, &of.stated) {
             (None, Some(unit)) => own.convert(unit, notes).ok()?,
-            (Some(unit), _) if unit == "%" => {
+            (Some(unit), _) if unit == "%" && of.unit != self.unit => {
                 let share = |(share, value): (&Option<f64>, &Option<f64>)| {
-                    Some(0.01 * (*share)? * (*value)?)
+                    Some(0.01 * (*share)? * (*value)?.abs())
                 };
                 own.values = self.values.iter().zip(&of.values).map(share).collect();
             }
@@ -88,8 +89,8 @@ impl Column {
     }
 }
 
-/// Words in rows that are computed from the others.
-const SUMMARIES: &str = "mean average avg median sum total std stdev sd mittelwert summe stabw";
+/// First words of cells in rows that are computed from those above.
+const SUMMARIES: &str = "mean average avg median sum total std stdev mittelwert summe stabw";
 
 /// The beginning of a text.
 fn short(text: &str) -> String {
@@ -187,16 +188,17 @@ impl<'a> Lines<'a> {
     ) -> Result<Vec<Column>, String> {
         let mut columns = vec![Column::default(); headers.len()];
         let mut spelling = Spelling::default();
-        // Somebody has taken these rows out of the data, or computed them from the others.
+        // Somebody has taken these rows out of the data, or computed them from those above.
         let numbers = &block.layout.numbers;
         let has_texts = numbers.len() < block.layout.cells || numbers.contains(&false);
         let is_summary = |cell: &Cow<'_, str>| {
-            let word = cell.trim_end_matches([':', '.']).to_lowercase();
-            SUMMARIES.split(' ').any(|own| own == word)
+            let word = cell.split(|it: char| !it.is_alphabetic()).next().unwrap_or("");
+            SUMMARIES.split(' ').any(|own| own == word.to_lowercase())
         };
-        let is_out = |at: &usize| {
-            self.all[*at].1.starts_with('#') || has_texts && self.cells(*at).iter().any(is_summary)
-        };
+        let last = block.rows.clone().rev();
+        let summaries = last.take_while(|at| has_texts && self.cells(*at).iter().any(is_summary));
+        let end = block.rows.end - summaries.count();
+        let is_out = |at: &usize| *at >= end || self.all[*at].1.starts_with('#');
         let is_all = block.rows.clone().all(|at| is_out(&at));
         let (out, rows): (Vec<_>, Vec<_>) =
             block.rows.clone().partition(|at| is_out(at) && !is_all);
@@ -232,14 +234,15 @@ impl<'a> Lines<'a> {
                 let plain = other.and_then(|other| ungrouped(cell, &other));
                 let plain = plain.as_deref().unwrap_or(cell);
                 let read = written(plain).ok_or_else(|| fault(""))?;
-                let is_known = !read.value.is_nan();
+                let is_nothing = NOTHING.contains(&read.value);
+                let is_known = !read.value.is_nan() && !is_nothing;
                 let own = &mut column.stated;
                 if is_known && *own.get_or_insert_with(|| read.unit.into()) != *read.unit {
                     return Err(fault("has another unit than a cell above it, or none, and "));
                 }
                 if is_known {
                     spelling.see(plain);
-                } else if is_bad(cell) {
+                } else if is_nothing || is_bad(cell) {
                     column.bad = (short(cell), column.bad.1 + 1);
                 }
                 column.values.push(is_known.then_some(read.value));
@@ -319,22 +322,23 @@ impl Table {
         let (bad, count) = mem::take(&mut column.bad);
         if count > 0 {
             self.notes.push(format!(
-                "{count} cell(s) of “{head}” with words such as “{bad}” were taken as unknown numbers."
+                "{count} cell(s) of “{head}” such as “{bad}” were taken as unknown numbers."
             ));
         }
         let (name, values) = (format!("{}{SIGMA}", column.name), mem::take(&mut column.sigmas));
         let mut errors = Column { name, values, ..Column::default() };
         let own = column.stated.take().filter(|own| !own.is_empty());
-        for unit in unit.into_iter().chain(own.as_deref()) {
-            column.convert(unit, &mut self.notes).map_err(|detail| format!("“{head}” {detail}"))?;
-            errors.convert(unit, &mut Vec::new())?;
-        }
-        if has_factor(&column.name) {
+        let is_factor = has_factor(&column.name);
+        if is_factor {
             self.notes.push(format!(
                 "“{head}” has a factor in its name, so its unit is not known. Write the numbers without the factor, and only \
                  the unit behind the name."
             ));
-            (column.dimension, column.unit) = (None, Some(head.to_owned()));
+            column.unit = Some(head.to_owned());
+        }
+        for unit in unit.into_iter().chain(own.as_deref()).filter(|_| !is_factor) {
+            column.convert(unit, &mut self.notes).map_err(|detail| format!("“{head}” {detail}"))?;
+            errors.convert(unit, &mut Vec::new())?;
         }
         self.columns.push(column);
         if !errors.values.is_empty() {

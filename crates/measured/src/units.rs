@@ -133,7 +133,9 @@ fn factor(name: &str, is_bracketed: bool) -> Option<usize> {
     let name = name.trim_end();
     let word = name.rsplit([' ', '/', '(', ',', '*', '×']).next().unwrap_or("");
     let at = name.len() - word.len();
-    let plain = word.trim_start_matches('x').trim_end_matches(')');
+    let is_raised = word.contains(|it: char| it == '^' || !it.is_ascii());
+    let sign = if at > 0 || is_raised { 'x' } else { ' ' };
+    let plain = word.trim_start_matches(sign).trim_end_matches(')');
     let is_power = plain.starts_with("10") && !plain.contains(char::is_alphabetic);
     let is_number = is_power || plain.parse::<f64>().is_ok_and(f64::is_finite);
     let is_label = is_bracketed
@@ -146,22 +148,25 @@ fn factor(name: &str, is_bracketed: bool) -> Option<usize> {
 /// Whether a name has a factor, as in `V·10³`, `V x 1000`, `1000*V`, `N in 1000`, `V E+3` and `V, Mio.`. It can belong to the quantity
 /// or to the unit.
 pub fn has_factor(name: &str) -> bool {
-    let is_digit = |it: char| it.is_ascii_digit() || "⁰¹²³⁴⁵⁶⁷⁸⁹".contains(it);
-    let is_product = |(at, mark): (usize, &str)| {
-        let (before, after) = (name[..at].trim_end(), name[at + mark.len()..].trim_start());
-        let is_sign = mark != "x" || name[..at].ends_with(' ');
-        is_sign && !before.is_empty() && (before.ends_with(is_digit) || after.starts_with(is_digit))
-    };
-    let mut words =
-        name.split([' ', ',', '(', ')', '/', '_']).map(|word| word.trim_end_matches('.'));
+    let name = name.replace(['·', '⋅', '*'], "×").replace('×', " × ");
+    let words = name.split([' ', ',', '(', ')', '/', '_']).map(|word| word.trim_end_matches('.'));
+    let words: Vec<&str> = words.filter(|word| !word.is_empty()).collect();
     let is_power = |word: &str| {
-        let raised = word.strip_prefix("10").or(word.strip_prefix(['e', 'E'])).unwrap_or("");
-        raised.starts_with(['^', '+', '-', '⁻'])
-            || word.starts_with("10") && raised.contains(|it| is_digit(it) && !it.is_ascii())
+        word.strip_prefix("10").is_some_and(|rest| rest.is_empty() || exponent(rest).is_some())
     };
-    ["·", "⋅", "*", "×", "x"].iter().any(|mark| name.match_indices(mark).any(is_product))
-        || words.any(|word| is_power(word) || MANY.split(' ').any(|own| own == word.to_lowercase()))
-        || name.contains(" in 10") && name.ends_with('0')
+    // `x` is also the name of a position.
+    let is_product = |(at, pair): (usize, &[&str])| match pair {
+        ["×", after] => is_power(after),
+        ["x", after] => at > 0 && is_power(after),
+        ["in", after] => after.len() > 3 && is_power(after),
+        [before, after] => *after == "×" && is_power(before),
+        _ => false,
+    };
+    let is_word = |word: &str| {
+        let is_raised = word.strip_prefix(['E', 'e']).is_some_and(|rest| rest.starts_with('+'));
+        is_raised || MANY.split(' ').any(|own| own == word.to_lowercase())
+    };
+    words.windows(2).enumerate().any(is_product) || words.iter().any(|word| is_word(word))
 }
 
 /// Splits a header such as `Depth [µm]`, `Force/N`, `dx_um` or `wear_volume mm^3` into name and unit. A factor belongs to the

@@ -167,7 +167,18 @@ fn a_factor_makes_a_unit_unknown() {
         let of_x = good(&format!("{head};V [mm^3]\n1;2\n"));
         assert!(of_x.prepared["data"].is_null(), "{head}: {:?}", of_x.prepared);
         assert!(of_x.notes.iter().any(|note| note.contains("has a factor in its name")), "{head}");
-        assert!(good(&format!("cycles;{head}\n1;2\n")).prepared["data"].is_null(), "{head}");
+        assert_eq!(of_x.columns[0].values, [Some(1.0)], "{head}");
+    }
+    for head in [
+        "Profile 1 x [um]",
+        "Depth after 10^5 cycles [um]",
+        "Sample 10-2 depth [um]",
+        "x10 [um]",
+        "5 x 5 mean [um]",
+        "E-3 [um]",
+        "Depth in 100 [um]",
+    ] {
+        assert_eq!(good(&format!("{head};b\n1;2\n")).columns[0].values, [Some(1e-6)], "{head}");
     }
     for head in ["10^-3 mm^3", "x10^-3 mm^3"] {
         let rows = good(&format!("cycles;V\n-;{head}\n1;2\n"));
@@ -476,13 +487,13 @@ fn footers_and_words_of_errors_are_told() {
     assert_eq!(values(&read, "V").iter().flatten().count(), 3);
     assert_eq!(values(&read, "Zyklen").len(), 7);
     for told in [
-        "4 cell(s) of “V [mm³]” with words such as “---”",
+        "4 cell(s) of “V [mm³]” such as “---”",
         "2 line(s) after the table were not read: “Mittelwert;0,0086”",
     ] {
         assert!(read.notes.iter().any(|note| note.contains(told)), "{told}: {:?}", read.notes);
     }
     assert_eq!(read.prepared["data"]["output"], "wear_volume");
-    let text = "sample;cycles;V [mm^3]\nA;1;0.5\nB;2;-9999\nC;3;<0.01\nD;4;9.91E+37\nE;5;0.25\nmean;3;0.15\nSD:;2;0.1\n";
+    let text = "sample;cycles;V [mm^3]\nA;1;0.5\nB;2;-9999\nC;3;< 0.01 mm^3\nD;4;9.91E+37\nE;5;0.25\nmean;3;0.15\nStd. dev.;2;0.1\n";
     let read = good(text);
     assert_eq!(values(&read, "V"), [Some(5e-10), None, None, None, Some(2.5e-10)]);
     for told in ["2 row(s) with means or sums were left out", "3 cell(s) of “V [mm^3]”"] {
@@ -510,6 +521,7 @@ fn numbers_have_errors_and_units() {
         "cycles;V\n1;0.2 mm^3 ± 5 %\n2;0.3 mm^3 ± 5 %\n",
         "cycles;V [mm^3];V sigma\n1;0.2;0.01\n",
         "cycles;V [mm^3];V sigma [%]\n1;0.2;5\n",
+        "cycles;V\n1;(0.2 ± 0.01) mm^3\n",
     ] {
         assert!((sigma(text) / 1e-11 - 1.0).abs() < 1e-12, "{text}");
     }

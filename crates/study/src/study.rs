@@ -298,7 +298,7 @@ impl Study {
         text.push_str("\":");
         let columns = self.columns();
         let count = rows.count;
-        // The writer drops each column after it. So a large table is in memory once, not twice.
+        // Each column is dropped after it was copied. So a table of many columns is in memory little more than once.
         let mut cells = rows.into_columns();
         let names = columns.iter().map(|column| column.name.as_str());
         add_columns(&mut text, names.zip(cells.by_ref()).chain(findings.beside));

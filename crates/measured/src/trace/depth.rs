@@ -22,7 +22,8 @@ pub fn deepest(Scar { trace, range, gaps, .. }: &Scar) -> Size {
     let largest = |half| means(half).max_by(|one, other| one.1.total_cmp(&other.1));
     let half = |size: f64| (0.5 * (size - 1.0)).round() as usize;
     let (mut size, mut least) = ((FIRST * count).max(FEWEST), f64::NEG_INFINITY);
-    let mut before = largest(half(size / FACTOR)).map(|narrower| narrower.1);
+    let narrower = (half(size) as f64 / FACTOR) as usize;
+    let mut before = largest(narrower).map(|it| it.1);
     let mut found = Size { value: 0.0, errors: [surface.scatter, 0.0, 0.0, 0.0] };
     let mut near = 0..0;
     while size <= (LAST * count).max(FEWEST).min(count) {

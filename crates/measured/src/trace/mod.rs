@@ -129,8 +129,8 @@ fn tell(
     ));
     if is_filtered {
         notes.push(
-            "As much stands above the unworn surface as was removed below it. A filter of the instrument (a cutoff) does this, \
-             and makes depth and volume too small. Then export the trace without filters."
+            "As much stands above the unworn surface as was removed below it. A filter of the instrument (a cutoff) can do this, \
+             and makes depth and volume too small. If there is one, export the trace without it."
                 .to_owned(),
         );
     }

@@ -258,14 +258,16 @@ impl Scar {
         if wanted.scar.is_none() {
             return self.check_sides(wanted);
         }
-        self.tell_ends(notes);
+        self.tell_ends(wanted, notes);
         Ok(())
     }
 
     /// Says where the scar goes on beyond an end that the user chose.
-    fn tell_ends(&self, notes: &mut Notes) {
+    fn tell_ends(&self, wanted: &Wanted<'_>, notes: &mut Notes) {
         let least = CORE * self.deepest(&self.range);
-        for at in [self.range.start.saturating_sub(1), self.range.end] {
+        // A half was mirrored.
+        let first = self.range.start.checked_sub(1).filter(|_| wanted.prepare != Prepare::Half);
+        for at in first.into_iter().chain([self.range.end]) {
             if let Some(depth) = self.trace.depths.get(at).filter(|depth| **depth > least) {
                 let (x, depth) = (UM * self.trace.points[at].0, UM * depth);
                 notes.push(format!(
