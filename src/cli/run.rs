@@ -227,7 +227,8 @@ pub fn write_result(
         (_, TaskKind::Study(_)) => Part::Table,
     };
     let view = View { engineering: output.units == "engineering", ..View::default() };
-    let mut bytes = Vec::new();
+    // Most formats are no longer. A growing vector would be copied.
+    let mut bytes = Vec::with_capacity(result.len() + 1);
     format::write(&mut bytes, result, part, format, &view)?;
     if format == Format::Json {
         bytes.push(b'\n');

@@ -163,7 +163,9 @@ pub fn has_factor(name: &str) -> bool {
         _ => false,
     };
     let is_word = |word: &str| {
-        let is_raised = word.strip_prefix(['E', 'e']).is_some_and(|rest| rest.starts_with('+'));
+        let is_raised = word
+            .strip_prefix(['E', 'e'])
+            .is_some_and(|rest| rest.starts_with('+') && rest.parse::<u32>().is_ok());
         is_raised || MANY.split(' ').any(|own| own == word.to_lowercase())
     };
     words.windows(2).enumerate().any(is_product) || words.iter().any(|word| is_word(word))
