@@ -81,9 +81,9 @@ fn gross_slip() -> Sheet {
         let volume = volume.iter().map(|v| 1e-4 * (1e18 * v)).collect();
         let style = Style { color, dash, width: 1.6, mark: None };
         let label = format!("exact method, $U$ = {stroke} µm");
-        series.push(Series::new(&label, history.dissipated_energy, volume).styled(style));
+        series.push(Series::new(&label, history.dissipated_energy, volume, style));
     }
-    series.push(Series::new("measured, TiC coating", energy, volume).styled(marked(Mark::Disc)));
+    series.push(Series::new("measured, TiC coating", energy, volume, marked(Mark::Disc)));
     Sheet {
         title: "Wear volume over dissipated energy in gross slip".to_owned(),
         caption: "Alumina ball of 12.7 mm on a TiC coating under 100 N; the slope is the energy wear coefficient, \
@@ -94,6 +94,7 @@ fn gross_slip() -> Sheet {
             x: Axis::labelled("Dissipated energy Σ$W$ (J)"),
             y: Axis::labelled("Wear volume $V$ (10⁴ µm³)"),
             series,
+            size: (480.0, 340.0),
             ..Figure::default()
         }],
         legend: Vec::new(),
@@ -103,10 +104,11 @@ fn gross_slip() -> Sheet {
 /// Short runs of a queue in PostgreSQL, without and with an open transaction, and what the transaction keeps.
 fn snapshot() -> Sheet {
     let measured = rows(include_str!("../benches/snapshot.csv"));
-    let curve = |label, column: usize, scale: f64| {
+    let [closed, open] = [0, 1].map(Style::numbered);
+    let curve = |label, style, column: usize, scale: f64| {
         let points = measured.iter().map(|row| (row[0] / 60.0, scale * row[column]));
         let (minutes, values) = points.unzip();
-        Series::new(label, minutes, values)
+        Series::new(label, minutes, values, style)
     };
     let figure = |y, series: Vec<Series>| {
         let top = series.iter().flat_map(|curve| &curve.y).fold(0.0, |top: f64, y| top.max(*y));
@@ -124,11 +126,17 @@ fn snapshot() -> Sheet {
             .to_owned(),
         columns: 3,
         figures: vec![
-            figure("Runs per second", vec![curve("", 1, 1.0), curve("", 3, 1.0)]),
-            figure("Dead rows (million)", vec![curve("", 2, 1e-6), curve("", 4, 1e-6)]),
-            figure("Oldest snapshot (s)", vec![curve("", 0, 0.0), curve("", 5, 1.0)]),
+            figure("Runs per second", vec![curve("", closed, 1, 1.0), curve("", open, 3, 1.0)]),
+            figure(
+                "Dead rows (million)",
+                vec![curve("", closed, 2, 1e-6), curve("", open, 4, 1e-6)],
+            ),
+            figure("Oldest snapshot (s)", vec![curve("", closed, 0, 0.0), curve("", open, 5, 1.0)]),
         ],
-        legend: vec![curve("no open transaction", 1, 1.0), curve("open transaction", 3, 1.0)],
+        legend: vec![
+            curve("no open transaction", closed, 1, 1.0),
+            curve("open transaction", open, 3, 1.0),
+        ],
     }
 }
 
@@ -156,7 +164,7 @@ fn worn_flat() -> Sheet {
     let points = |name, rows: &[Vec<f64>], style| {
         let rows = rows.iter().filter(|row| row[0] > 17_999.0);
         let (x, height) = rows.map(|row| (row[1], -row[2])).unzip();
-        Series::new(name, x, height).styled(style)
+        Series::new(name, x, height, style)
     };
     let depth = depth.iter().map(|depth| 1e6 * depth).collect();
     Sheet {
@@ -172,10 +180,14 @@ fn worn_flat() -> Sheet {
                 x: Axis::labelled("Cycles $N$"),
                 y: Axis { range: Some((0.0, 3.5)), ..Axis::labelled("Wear depth $w$ (µm)") },
                 series: vec![
-                    Series::new("exact method", history.cycles, depth).styled(line),
-                    Series::new("finite elements", cycles, depths).styled(elements),
-                    Series::new("measured", vec![18_000.0], vec![deepest(&measured)])
-                        .styled(marked(Mark::Disc)),
+                    Series::new("exact method", history.cycles, depth, line),
+                    Series::new("finite elements", cycles, depths, elements),
+                    Series::new(
+                        "measured",
+                        vec![18_000.0],
+                        vec![deepest(&measured)],
+                        marked(Mark::Disc),
+                    ),
                 ],
                 size: SIZE,
                 ..Figure::default()
@@ -186,7 +198,7 @@ fn worn_flat() -> Sheet {
                 y: Axis { range: Some((-3.0, 1.0)), ..Axis::labelled("Height of the flat (µm)") },
                 series: vec![
                     points("measured", &measured, marked(Mark::Dot)),
-                    Series::new("exact method", x, height).styled(line),
+                    Series::new("exact method", x, height, line),
                     points("finite elements", &nodes, elements),
                 ],
                 size: SIZE,
@@ -205,12 +217,12 @@ fn titanium() -> Sheet {
     let volumes = volumes.into_iter().map(|(frequency, mark)| {
         let tests = tests.iter().filter(|test| (test[2] - frequency).abs() < 1e-9);
         let (energy, volume) = tests.map(|test| (1e-3 * test[4], 1e-9 * test[5])).unzip();
-        Series::new(&format!("measured, {frequency} Hz"), energy, volume).styled(marked(mark))
+        Series::new(&format!("measured, {frequency} Hz"), energy, volume, marked(mark))
     });
     let line = |color, dash| Style { color, dash, width: 1.6, mark: None };
     let slope = |alpha: f64, energy: f64, style| {
         let volume = vec![0.0, 1e-6 * alpha * energy];
-        Series::new(&format!("{alpha} µm³/J"), vec![0.0, energy], volume).styled(style)
+        Series::new(&format!("{alpha} µm³/J"), vec![0.0, energy], volume, style)
     };
     let mut series = vec![
         slope(97_500.0, 25.0, line(PALETTE[0], Dash::Solid)),
@@ -232,7 +244,7 @@ fn titanium() -> Sheet {
     .map(|(name, body, style)| {
         let Outcome { history, .. } = outcome(&scenario_of(body));
         let depth = history.wear_depth.iter().map(|depth| 1e6 * depth).collect();
-        Series { style, ..Series::new(name, history.cycles, depth) }
+        Series::new(name, history.cycles, depth, style)
     })
     .into();
     for (name, depth, mark) in [
@@ -240,7 +252,7 @@ fn titanium() -> Sheet {
         ("measured, 0.1 Hz", 155.0, Mark::Square),
         ("their model, 0.1 Hz", 107.0, Mark::Diamond),
     ] {
-        depths.push(Series::new(name, vec![5000.0], vec![depth]).styled(marked(mark)));
+        depths.push(Series::new(name, vec![5000.0], vec![depth], marked(mark)));
     }
     let (volume, depth) = ("Wear volume $V$ (mm³)", "Depth of both bodies (µm)");
     let panel = |title: &str, x, y, top, series| Figure {
@@ -337,15 +349,15 @@ impl Pair {
         };
         let grid: Vec<f64> = (0..=320).map(|i| f64::from(i) / 200.0).collect();
         let heights = grid.iter().map(|x| unworn(*x)).collect();
-        let mut series = vec![Series::new("", grid, heights).styled(UNWORN)];
+        let mut series = vec![Series::new("", grid, heights, UNWORN)];
         // There is no wear inside c or outside ã.
         let reach = if curve == Curve::Profile { limit.radius } else { f64::INFINITY };
-        let worn = |outcome: &Outcome, curve: &[f64], reach: f64| {
+        let worn = |outcome: &Outcome, curve: &[f64], style| {
             let (a, d) = (outcome.scales.contact_radius, outcome.scales.indentation_depth);
             let radii = &outcome.profiles.as_ref().expect("profiles").radius;
             let points = radii.iter().map(|r| r / a).zip(curve.iter().map(|f| f / d));
             let (x, y) = points.filter(|(x, _)| (self.stick..=reach).contains(x)).unzip();
-            Series::new("", x, y)
+            Series::new("", x, y, style)
         };
         for (outcome, dash) in methods {
             let profiles = outcome.profiles.as_ref().expect("profiles");
@@ -355,18 +367,18 @@ impl Pair {
             };
             for (row, color) in rows[1..].iter().zip(PALETTE) {
                 let style = Style { color, dash: *dash, width: 1.4, mark: None };
-                series.push(worn(outcome, row, reach).styled(style));
+                series.push(worn(outcome, row, style));
             }
         }
         series.push(match curve {
             Curve::Profile => {
                 let profiles = self.exact.profiles.as_ref().expect("profiles");
                 let limiting = profiles.limiting.as_ref().expect("a limit");
-                worn(&self.exact, limiting, reach).styled(LIMIT)
+                worn(&self.exact, limiting, LIMIT)
             }
             Curve::Image => {
                 let x = vec![self.stick, self.stick, limit.radius];
-                Series::new("", x, vec![unworn(self.stick), 1.0, 1.0]).styled(LIMIT)
+                Series::new("", x, vec![unworn(self.stick), 1.0, 1.0], LIMIT)
             }
         });
         let marks = vec![(self.stick, "$c$".to_owned()), (limit.radius, "$ã$".to_owned())];
@@ -382,11 +394,7 @@ impl Pair {
 
 /// Samples for the colours of the cycles and the dashes of the methods.
 fn legend(cycles: [f64; 5], methods: &[(&str, Dash)]) -> Vec<Series> {
-    let key = |label: &str, style| Series {
-        label: label.to_owned(),
-        style: Some(style),
-        ..Series::default()
-    };
+    let key = |label: &str, style| Series::new(label, Vec::new(), Vec::new(), style);
     let line = |color, dash| Style { color, dash, width: 1.6, mark: None };
     let mut keys = vec![key("unworn", UNWORN)];
     for (n, color) in cycles.iter().zip(PALETTE) {

@@ -52,7 +52,7 @@ pub fn existing(data: &Data) -> Result<Place, Error> {
 }
 
 /// What a command reads or changes in an existing database.
-async fn of<T>(
+pub async fn of<T>(
     data: &Data,
     command: impl AsyncFnOnce(&mut Administration) -> store::Result<T>,
 ) -> Result<T, Error> {

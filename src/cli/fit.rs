@@ -32,7 +32,7 @@ pub fn fit(settings: &Fit) -> Result<(), Error> {
         y: y.as_deref(),
         table: *table,
         decimal: *decimal,
-        up: up.map(|(_, up)| *up),
+        up: up.copied(),
         scar: *scar,
         ..Wanted::of(prepare)
     };

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use bytesize::ByteSize;
 
-use super::administration::existing;
+use super::administration::{existing, of};
 use super::places::{files_in, inside, make_directory, make_parent};
 use super::printing::{Ended, Error, counted, harmless, print, say};
 use super::runtime::block_on;
@@ -236,12 +236,14 @@ pub fn restore(settings: &Restore) -> Result<(), Error> {
         "stop all servers, and restore it with `pg_restore --clean --if-exists --dbname=URL FILE`";
     let dir = data.directory(instead)?;
     let (saved, former) = block_on(store::restore(dir, file, *replace))?;
-    let keys = block_on(valid_keys(dir))?;
+    // A key that was revoked after the backup is valid again, so the administrator must see it.
+    let mut keys = block_on(of(data, Administration::keys))?;
+    let now = clock::now();
+    keys.retain(|key| key.revoked.is_none() && key.expires.is_none_or(|end| end > now));
     let (dir, contents) = (dir.display(), contents(&saved));
     let kept = former.map_or_else(String::new, |former| {
         format!("the former database is now {}\n", former.display())
     });
-    // A key that was revoked after the backup is valid again, so the administrator must see it.
     let keys: Vec<String> = keys
         .iter()
         .map(|AccessKey { id, name, role, .. }| format!("valid key: {id} {name} ({role})\n"))
@@ -249,14 +251,4 @@ pub fn restore(settings: &Restore) -> Result<(), Error> {
     let keys = keys.concat();
     print(format!("{dir}: {contents}\n{kept}{keys}").as_bytes())?;
     name_damaged(&saved)
-}
-
-/// The keys that are neither revoked nor expired.
-async fn valid_keys(dir: &Path) -> Result<Vec<AccessKey>, store::Moving> {
-    let mut administration = Administration::open(dir.into()).await?;
-    let mut keys = administration.keys().await?;
-    administration.close().await?;
-    let now = clock::now();
-    keys.retain(|key| key.revoked.is_none() && key.expires.is_none_or(|end| end > now));
-    Ok(keys)
 }

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 
 use fretwork_engine::Fault;
+use fretwork_format::{in_engineering, round};
 
 /// The error of a command. Its message is one line for the user.
 pub type Error = Box<dyn std::error::Error>;
@@ -132,26 +133,14 @@ pub fn counted(count: u64, noun: &str) -> String {
     format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
 }
 
-/// A number in SI with four digits, in a usual unit.
+/// A number in SI with four digits, in its engineering unit.
 pub fn shown(number: &Value, unit: &str) -> String {
-    let (unit, factor) = match unit {
-        "m^3" => ("mm^3", 1e9),
-        "m" => ("um", 1e6),
-        "1/Pa" => ("mm^3/(N m)", 1e9),
-        "Pa" => ("MPa", 1e-6),
-        "J" => ("mJ", 1e3),
-        "1" => ("", 1.0),
-        other => (other, 1.0),
-    };
-    let digits = number.as_f64().map(|number| format!("{:.3e}", number * factor));
-    let rounded: Option<f64> = digits.and_then(|digits| digits.parse().ok());
-    match rounded {
-        None => "-".to_owned(),
-        Some(it) if it == 0.0 || (1e-3..1e9).contains(&it.abs()) => {
-            format!("{it} {unit}").trim_end().to_owned()
-        }
-        Some(it) => format!("{it:e} {unit}").trim_end().to_owned(),
-    }
+    let Some(number) = number.as_f64() else { return "-".to_owned() };
+    let (number, unit) = in_engineering(number, unit);
+    let (number, unit) = (round(number, 4), if unit == "1" { "" } else { unit });
+    let is_plain = number == 0.0 || (1e-3..1e9).contains(&number.abs());
+    let text = if is_plain { format!("{number} {unit}") } else { format!("{number:e} {unit}") };
+    text.trim_end().to_owned()
 }
 
 #[cfg(test)]

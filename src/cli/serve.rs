@@ -90,8 +90,7 @@ async fn serve_until_signal(settings: &Serve, admin_key: Option<Secret>) -> Resu
     let (close, closed) = oneshot::channel::<()>();
     let mut interface = settings.interface(admin_key);
     interface.connections.total = connections as usize;
-    let sockets = http::Sockets { api: listener, umbridge };
-    let server = http::serve(sockets, service.clone(), &interface, async {
+    let server = http::serve(listener, umbridge, service.clone(), &interface, async {
         let _ = closed.await;
     });
     let mut server = pin!(server);

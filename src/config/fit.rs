@@ -46,8 +46,8 @@ pub struct Fit {
     #[arg(long, value_name = "CYCLES")]
     pub at: Option<f64>,
     /// Where the heights of a trace point: out of the material, or into it [default: out].
-    #[arg(long, value_name = "WHERE", value_parser = one_of(&Up::NAMES, |(name, _)| name), requires = "at")]
-    pub up: Option<&'static (&'static str, Up)>,
+    #[arg(long, value_name = "WHERE", value_parser = one_of(&Up::ALL, |up| up.as_str()), requires = "at")]
+    pub up: Option<&'static Up>,
     /// The ends of the scar in a trace, such as 0.4..1.6mm [default: found].
     #[arg(long, value_name = "FROM..TO", value_parser = scar, requires = "at", allow_hyphen_values = true)]
     pub scar: Option<[f64; 2]>,

@@ -47,7 +47,7 @@ use access::caller::Caller;
 use access::needs::RouteNeeds;
 use app::App;
 use layers::with_layers;
-use problem::{Complaint, Problem, Result, kinds};
+use problem::{Complaint, Problem, Result, blocking, kinds};
 use routes::Routes;
 use transport::admission::Admission;
 use transport::body::Body;
@@ -81,20 +81,6 @@ impl Default for Settings {
     }
 }
 
-/// The sockets of a server.
-pub struct Sockets {
-    /// Serves the whole API.
-    pub api: TcpListener,
-    /// Serves only UM-Bridge.
-    pub umbridge: Option<TcpListener>,
-}
-
-impl From<TcpListener> for Sockets {
-    fn from(api: TcpListener) -> Self {
-        Self { api, umbridge: None }
-    }
-}
-
 /// The hint in a 404 answer of the main socket.
 const API: &str = "/docs/api/ lists all routes.";
 /// The hint in a 404 answer of the socket of UM-Bridge.
@@ -102,9 +88,11 @@ const UMBRIDGE: &str = "This port serves only UM-Bridge. GET /Info lists its mod
 /// The hint in a 404 answer of the socket of a worker.
 const MONITORING: &str = "A worker serves only /healthz, /readyz and /metrics.";
 
-/// Serves the API of a service, until `closing` ends and all connections are closed.
+/// Serves the API of a service on one socket and UM-Bridge alone on another, until `closing` ends and all connections are
+/// closed.
 pub async fn serve(
-    sockets: impl Into<Sockets>,
+    api: TcpListener,
+    umbridge: Option<TcpListener>,
     service: Service,
     settings: &Settings,
     closing: impl Future<Output = ()>,
@@ -112,9 +100,8 @@ pub async fn serve(
     let Routes { router, needs } = Routes::all();
     let server = Server::new(service, settings, needs);
     let closing = closing.shared();
-    let Sockets { api, umbridge } = sockets.into();
     let umbridge = umbridge.map(|listener| {
-        server.serve(listener, Routes::of_umbridge().router, UMBRIDGE, closing.clone())
+        server.serve(listener, Routes::default().umbridge().router, UMBRIDGE, closing.clone())
     });
     let api = server.serve(api, router, API, closing.clone());
     let serving = join(api, OptionFuture::from(umbridge));
@@ -126,7 +113,7 @@ pub async fn serve(
 
 /// Serves only the health, the readiness and the metrics of a service, for monitors. It does not end.
 pub async fn serve_monitoring(listener: TcpListener, service: Service) {
-    let Routes { router, needs } = Routes::of_monitoring();
+    let Routes { router, needs } = Routes::default().monitoring();
     let server = Server::new(service, &Settings::default(), needs);
     server.serve(listener, router, MONITORING, future::pending()).await;
 }

@@ -86,24 +86,15 @@ impl Routes {
             .umbridge()
     }
 
-    /// The routes of UM-Bridge alone.
-    pub fn of_umbridge() -> Self {
-        Self::default().umbridge()
-    }
-
-    /// The routes for monitors alone: health, readiness and metrics.
-    pub fn of_monitoring() -> Self {
-        Self::default().monitoring()
-    }
-
-    fn monitoring(self) -> Self {
+    /// Adds the routes for monitors: health, readiness and metrics.
+    pub fn monitoring(self) -> Self {
         self.add(Needs::NOTHING, routes!(system::health))
             .add(Needs::NOTHING, routes!(system::ready))
             .add(Needs::READ, routes!(system::metrics))
     }
 
     /// Adds the routes of UM-Bridge, which has its own documentation.
-    fn umbridge(self) -> Self {
+    pub fn umbridge(self) -> Self {
         umbridge::ROUTES.iter().fold(self, |routes, (path, method, needs, handler)| {
             routes.undocumented(method.clone(), *needs, path, handler())
         })

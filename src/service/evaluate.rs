@@ -6,12 +6,12 @@ use super::Service;
 use super::places::{INLINE, INLINE_BYTES, MAX_WAIT, Unfinished};
 use super::turns::turns;
 use fretwork_job::{Answer, Prepared, Step};
-use fretwork_study::{self as study, Evaluated, Evaluation};
+use fretwork_study::{Evaluated, Evaluation, LONGEST_EVALUATION as MILLISECONDS};
 
 /// Largest answer of an evaluation, in bytes. Writing such an answer takes some milliseconds.
 pub const LARGEST_EVALUATION: usize = 2_000_000;
 /// Longest estimated time of an evaluation.
-pub const LONGEST_EVALUATION: Duration = Duration::from_millis(study::LONGEST_EVALUATION);
+pub const LONGEST_EVALUATION: Duration = Duration::from_millis(MILLISECONDS);
 /// Maximum processor time of an evaluation. If it takes longer on any machine, its estimate was grossly wrong.
 const MAX_EVALUATION: Duration = LONGEST_EVALUATION.saturating_mul(10);
 
@@ -19,16 +19,23 @@ const MAX_EVALUATION: Duration = LONGEST_EVALUATION.saturating_mul(10);
 #[derive(Debug, thiserror::Error)]
 pub enum NotEvaluated {
     /// The run would take too long.
-    #[error("the run would take {0:?}, too long for an evaluation")]
+    #[error(
+        "The run would take about {:.2} s; the limit of an evaluation is {MILLISECONDS} ms.", .0.as_secs_f64()
+    )]
     TooLong(Duration),
     /// The answer would be too large.
-    #[error("the answer would have {0} bytes, too many for an evaluation")]
+    #[error(
+        "The answer would have about {:.1} MB; the limit of an evaluation is {:.1} MB. Request fewer `parts`, or \
+         profiles at fewer output cycles (`profiles_at`).", *.0 as f64 / 1e6, LARGEST_EVALUATION as f64 / 1e6
+    )]
     TooLarge(usize),
     /// The run took much longer than its estimate.
-    #[error("the run took longer than {MAX_EVALUATION:?} and was stopped")]
+    #[error(
+        "The run was estimated to take less than {MILLISECONDS} ms, but it took much longer and was stopped."
+    )]
     Stopped,
     /// Other evaluations took all places.
-    #[error("other evaluations use all workers; try again")]
+    #[error("Other evaluations use all workers. Try again in a second.")]
     Busy,
     /// The engine has a bug.
     #[error("the engine panicked")]

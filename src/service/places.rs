@@ -4,7 +4,7 @@ use std::panic::{self, AssertUnwindSafe};
 use std::sync::Arc;
 use std::time::Duration;
 
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::sync::Semaphore;
 use tokio::task;
 use tokio::time::timeout;
 
@@ -41,24 +41,6 @@ impl Places {
         Self { free: Arc::new(Semaphore::new(number)), number }
     }
 
-    /// Waits for a place and computes.
-    ///
-    /// # Errors
-    /// There is no place, or the computation panics.
-    pub async fn compute<T: Send + 'static>(
-        &self,
-        inline: bool,
-        work: impl FnOnce() -> T + Send + 'static,
-    ) -> Result<T, Unfinished> {
-        let place = self.place(MAX_WAIT).await?;
-        Self::compute_at(place, inline, work).await
-    }
-
-    async fn place(&self, patience: Duration) -> Result<OwnedSemaphorePermit, Unfinished> {
-        let place = timeout(patience, Arc::clone(&self.free).acquire_owned()).await;
-        place.ok().and_then(Result::ok).ok_or(Unfinished::NoPlace)
-    }
-
     /// Calls `turn` until it returns an outcome. Waits for a place before each turn; before the first one, at most for
     /// `patience`. Places are given in the order of the requests, so the turns of long computations do not delay a short
     /// one for long. Only the first turn can run on the async thread.
@@ -72,29 +54,22 @@ impl Places {
         mut turn: impl FnMut() -> Option<T> + Send + 'static,
     ) -> Result<T, Unfinished> {
         loop {
-            let place = self.place(patience).await?;
-            let work = move || (turn(), turn);
-            let (outcome, next) = Self::compute_at(place, inline, work).await?;
+            let place = timeout(patience, Arc::clone(&self.free).acquire_owned()).await;
+            let place = place.ok().and_then(Result::ok).ok_or(Unfinished::NoPlace)?;
+            let work = move || {
+                let _place = place;
+                (turn(), turn)
+            };
+            let done = if inline {
+                panic::catch_unwind(AssertUnwindSafe(work)).ok()
+            } else {
+                task::spawn_blocking(work).await.ok()
+            };
+            let (outcome, next) = done.ok_or(Unfinished::Panicked)?;
             if let Some(outcome) = outcome {
                 return Ok(outcome);
             }
             (turn, inline, patience) = (next, false, Duration::MAX);
-        }
-    }
-
-    async fn compute_at<T: Send + 'static>(
-        place: OwnedSemaphorePermit,
-        inline: bool,
-        work: impl FnOnce() -> T + Send + 'static,
-    ) -> Result<T, Unfinished> {
-        let work = move || {
-            let _place = place;
-            work()
-        };
-        if inline {
-            panic::catch_unwind(AssertUnwindSafe(work)).map_err(|_| Unfinished::Panicked)
-        } else {
-            task::spawn_blocking(work).await.map_err(|_| Unfinished::Panicked)
         }
     }
 }
@@ -103,12 +78,20 @@ impl Places {
 mod tests {
     use super::*;
 
+    async fn compute<T: Send + 'static>(
+        places: &Places,
+        inline: bool,
+        work: fn() -> T,
+    ) -> Result<T, Unfinished> {
+        places.compute_in_turns(inline, MAX_WAIT, move || Some(work())).await
+    }
+
     #[tokio::test(start_paused = true)]
     async fn a_computation_waits_for_a_place_for_a_short_time() {
         let places = Places::new(1);
         let taken = Arc::clone(&places.free).acquire_owned().await.unwrap();
-        assert!(matches!(places.compute(true, || 1).await, Err(Unfinished::NoPlace)));
-        let (soon, ()) = tokio::join!(places.compute(true, || 2), async {
+        assert!(matches!(compute(&places, true, || 1).await, Err(Unfinished::NoPlace)));
+        let (soon, ()) = tokio::join!(compute(&places, true, || 2), async {
             tokio::time::sleep(MAX_WAIT / 2).await;
             drop(taken);
         });
@@ -123,7 +106,7 @@ mod tests {
             turns += 1;
             (turns == 3).then_some(turns)
         });
-        let (long, short) = tokio::join!(long, places.compute(true, || 1));
+        let (long, short) = tokio::join!(long, compute(&places, true, || 1));
         assert!(matches!((long, short), (Ok(3), Ok(1))));
     }
 
@@ -141,7 +124,7 @@ mod tests {
             ended.lock().push(name);
         };
         let short = async {
-            assert!(places.compute(true, || ()).await.is_ok());
+            assert!(compute(&places, true, || ()).await.is_ok());
             ended.lock().push("short");
         };
         tokio::join!(long("first"), long("second"), short);
@@ -155,9 +138,9 @@ mod tests {
     async fn a_panic_frees_its_place() {
         let places = Places::new(1);
         for inline in [true, false] {
-            let panicked = places.compute(inline, || panic!("a bug")).await;
+            let panicked = compute(&places, inline, || panic!("a bug")).await;
             assert!(matches!(panicked, Err::<(), _>(Unfinished::Panicked)));
-            assert!(matches!(places.compute(inline, || 1).await, Ok(1)));
+            assert!(matches!(compute(&places, inline, || 1).await, Ok(1)));
         }
     }
 }

@@ -7,13 +7,12 @@
 
 use std::collections::HashMap;
 use std::sync::Arc;
-use std::time::Duration;
 
 use parking_lot::Mutex;
 use quick_cache::sync::Cache;
 use tokio::sync::{Semaphore, oneshot};
 
-use super::places::{INLINE, INLINE_BYTES, MAX_TIME, Places, SHORT};
+use super::places::{INLINE, INLINE_BYTES, MAX_TIME, MAX_WAIT, Places, SHORT};
 use super::stopwatch::Stopwatch;
 use fretwork_job::{Answer, Begin, Job, JobState, Key, Origin, Prepared, Step};
 use fretwork_store::{Admission, Answered, Error, NewJob, Result, Store, Submitted};
@@ -36,13 +35,6 @@ pub struct ShortRuns {
     known: Cache<Key, ()>,
     /// For the key of each computation under way, the submissions that wait for its result.
     flights: Mutex<HashMap<Key, Vec<Joined>>>,
-}
-
-/// An answer, and the same answer ready to be stored.
-struct Computed {
-    answer: Answer,
-    answered: Answered,
-    wall: Duration,
 }
 
 /// A submission that waits for an equal one, and the channel on which it receives its job.
@@ -101,7 +93,7 @@ impl ShortRuns {
         if entered.is_none() {
             return Ok(None);
         }
-        let Some(Computed { answer, answered, wall }) = self.compute(prepared).await else {
+        let Some((answer, answered)) = self.compute(prepared).await else {
             return Ok(None);
         };
         let (mut jobs, mut replies) = (vec![job.clone()], Vec::new());
@@ -109,7 +101,7 @@ impl ShortRuns {
             jobs.push(job);
             replies.push(reply);
         }
-        let mut became = self.store.record(jobs, answered, wall).await?.into_iter();
+        let mut became = self.store.record(jobs, answered).await?.into_iter();
         let first = became.next().ok_or(Error::Closed)?;
         for (submitted, reply) in became.zip(replies) {
             if let Submitted::Accepted(job) = submitted {
@@ -136,25 +128,26 @@ impl ShortRuns {
         }
     }
 
-    /// Computes a run; `None` if it takes too long or cannot be computed.
-    async fn compute(&self, prepared: &Prepared) -> Option<Computed> {
+    /// Computes a run, in one turn. Returns its answer, and the same answer ready to be stored; `None` if the run takes
+    /// too long or cannot be computed.
+    async fn compute(&self, prepared: &Prepared) -> Option<(Answer, Answered)> {
         let inline = prepared.seconds < INLINE && prepared.stored.len() <= INLINE_BYTES;
         let (begin, prepared) = (Arc::clone(&self.begin), prepared.clone());
-        let work = move || {
+        let mut run = Some(move || {
             let watch = Stopwatch::start();
             let (key, stored) = (prepared.key, Arc::clone(&prepared.stored));
             let mut work = begin(&key, &stored, Some(prepared)).ok()?;
             while watch.elapsed() < MAX_TIME {
                 if let Step::Done(answer) = work.step() {
-                    let cost = watch.cost();
-                    let answered = Answered::new(&answer, Some(cost));
-                    return Some(Computed { answer, answered, wall: cost.wall });
+                    let answered = Answered::new(&answer, Some(watch.cost()));
+                    return Some((answer, answered));
                 }
             }
             None
-        };
+        });
+        let turn = move || run.take().map(|run| run());
         // A run that panics here goes through the queue, where its worker records the failure.
-        self.places.compute(inline, work).await.ok().flatten()
+        self.places.compute_in_turns(inline, MAX_WAIT, turn).await.ok().flatten()
     }
 
     /// Joins the computation of this key. If there is none, returns `None`, and this submission must compute.

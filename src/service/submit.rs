@@ -43,23 +43,25 @@ pub struct Accepted {
     pub repeated: bool,
 }
 
-/// Why a submission was refused.
+/// Why a submission was refused. The displayed text also says what to change.
 #[derive(Debug, thiserror::Error)]
 pub enum Refusal {
     /// The service accepts no new jobs.
-    #[error("the server is shutting down and accepts no new jobs")]
+    #[error("The server is shutting down and accepts no new jobs. Submit again in a moment.")]
     Draining,
     /// The idempotency key was used for another submission.
-    #[error("the idempotency key was used for another submission")]
+    #[error("This Idempotency-Key was used for another submission. Send another Idempotency-Key.")]
     IdempotencyConflict,
     /// The submission accepts only a known result, and the result is not known.
-    #[error("the server does not know the result of this submission")]
+    #[error("The server does not have the result. To compute it, submit without `only-if-cached`.")]
     NotCached,
     /// The task would take more than a limit.
-    #[error("the submission exceeds a limit of the server: {0}")]
+    #[error(transparent)]
     TooExpensive(Excess),
     /// The queue is full.
-    #[error("the queue is full: {queued} jobs are queued")]
+    #[error(
+        "The queue is full: {queued} jobs wait. Submit again after the number of seconds in Retry-After."
+    )]
     QueueFull {
         /// The number of queued jobs.
         queued: usize,

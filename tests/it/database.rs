@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 use std::{fs, thread};
 
-use fretwork_store::{DatabaseUrl, Error, Options, Store};
+use fretwork_store::{DatabaseUrl, Error, Options, Place, Store};
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{AssertSqlSafe, Connection as _, Executor as _, PgConnection, SqliteConnection};
 use tempfile::TempDir;
@@ -169,7 +169,7 @@ impl Database {
     pub async fn open_with(&self, options: &Options) -> Store {
         match self {
             Self::Sqlite(dir) => open_with(dir.path(), options).await,
-            Self::Postgres(_) => Store::open(self.url().into(), options).await.unwrap(),
+            Self::Postgres(_) => Store::open(Place::Shared(self.url()), options).await.unwrap(),
         }
     }
 

@@ -4,7 +4,7 @@ use std::fs;
 use std::net::TcpListener;
 
 use data_encoding::BASE64;
-use fretwork_store::{DatabaseUrl, Options, Store};
+use fretwork_store::{Options, Place, Store};
 use rcgen::{BasicConstraints, CertificateParams, CertifiedIssuer, IsCa, KeyPair, date_time_ymd};
 use sqlx::{AssertSqlSafe, Connection as _, Executor as _, PgConnection};
 use tempfile::TempDir;
@@ -88,8 +88,7 @@ pub fn authority() -> CertifiedIssuer<'static, KeyPair> {
 
 /// Opens the store, as a server does.
 async fn open(address: &str) -> Result<Store, fretwork_store::Error> {
-    let url: DatabaseUrl = address.parse().unwrap();
-    Store::open(url.into(), &Options::default()).await
+    Store::open(Place::Shared(address.parse().unwrap()), &Options::default()).await
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -3,11 +3,13 @@
 use std::fs;
 use std::path::Path;
 
-use fretwork_plot::{Axis, Figure, Series, text};
+use fretwork_plot::{Axis, Figure, Series, Style, text};
 use roxmltree::{Document, Node};
 
 #[path = "../../examples/figures.rs"]
 mod program;
+
+const SIZE: (f64, f64) = (480.0, 340.0);
 
 fn committed(name: &str) -> String {
     let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/examples")).join(name);
@@ -91,17 +93,18 @@ fn figures_with_unusual_content_are_legible() {
     for (log_x, log_y) in [(false, false), (false, true), (true, false), (true, true)] {
         for scale in [1e-9, 1e-3, 1.0, 7e4, 3e12] {
             for count in [0, 1, 3, 12] {
-                let series = (0..count).map(|k| {
+                let series = (0..count).zip((0..).map(Style::numbered)).map(|(k, style)| {
                     let power = |x: &f64| scale * 10_f64.powf(*x * f64::from(k) / 6.0);
                     let name = if k == 2 { "a <b> & \"c\" \u{7} ]]>" } else { "$w$ of series" };
-                    Series::new(name, grid.clone(), grid.iter().map(power).collect())
+                    let values = grid.iter().map(power).collect();
+                    Series::new(name, grid.clone(), values, style)
                 });
                 let x = Axis { log: log_x, marks: marks(&[2.0, 2.02]), ..Axis::labelled("x / m") };
                 let y =
                     Axis { log: log_y, marks: marks(&[scale, 1.1 * scale]), ..Axis::labelled("y") };
                 let series = series.collect();
-                let figure =
-                    Figure { title: "A & B < C".to_owned(), x, y, series, ..Figure::default() };
+                let title = "A & B < C".to_owned();
+                let figure = Figure { title, x, y, series, size: SIZE, ..Figure::default() };
                 let svg = figure.svg();
                 assert!(legible(&svg) > 5 && !svg.contains("NaN") && !svg.contains("inf"));
                 assert_eq!(svg, figure.svg());
@@ -117,10 +120,10 @@ fn no_curve_crosses_the_legend() {
     for phase in 0..20 {
         let wave = |k: f64| x.iter().map(|x| (k + 7.0 * x + f64::from(phase)).sin()).collect();
         let series = vec![
-            Series::new("one", x.clone(), wave(0.0)),
-            Series::new("two", x.clone(), wave(0.5)),
+            Series::new("one", x.clone(), wave(0.0), Style::numbered(0)),
+            Series::new("two", x.clone(), wave(0.5), Style::numbered(1)),
         ];
-        let svg = Figure { series, ..Figure::default() }.svg();
+        let svg = Figure { series, size: SIZE, ..Figure::default() }.svg();
         let document = Document::parse(&svg).expect("XML");
         let numbers = |text: &str| -> Vec<f64> {
             text.split(|c: char| !c.is_ascii_digit() && c != '.' && c != '-')

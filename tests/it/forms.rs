@@ -86,7 +86,7 @@ async fn a_client_selects_a_format_by_name_or_by_media_type() {
     for part in RUN_TABLES.into_iter().chain([Part::Whole]) {
         let path = match part {
             Part::Whole => address.clone(),
-            part => format!("{address}/{}", part.name()),
+            part => format!("{address}/{}", part.as_str()),
         };
         let mut tags = HashSet::new();
         for &format in part.formats() {
@@ -100,7 +100,7 @@ async fn a_client_selects_a_format_by_name_or_by_media_type() {
             assert!(tags.insert(by_name.header("etag").unwrap().to_owned()));
             let name = by_name.header("content-disposition");
             let key = address.rsplit('/').next().unwrap();
-            let file = format!("fretwork-{}-{}.{}", &key[..12], part.name(), format.name());
+            let file = format!("fretwork-{}-{}.{}", &key[..12], part.as_str(), format.name());
             let expected = format!("attachment; filename=\"{file}\"");
             assert_eq!(name, Some(&*expected).filter(|_| format.is_file()));
         }
@@ -138,7 +138,7 @@ async fn numbers_have_twelve_digits_in_every_part_and_in_both_unit_systems() {
         assert_eq!(most_digits(&whole), 12, "{units}");
         for part in RUN_TABLES {
             let table =
-                server.get(&format!("{address}/{}?format=csv&units={units}", part.name())).await;
+                server.get(&format!("{address}/{}?format=csv&units={units}", part.as_str())).await;
             let lines = table.text().lines().filter(|line| !line.starts_with('#')).skip(1);
             let most = lines.flat_map(|line| line.split(',')).map(significant).max();
             assert_eq!(most, Some(12), "{part:?} {units}");
@@ -184,10 +184,10 @@ async fn numbers_are_equal_in_all_text_formats_and_rounded_on_request() {
     let (server, address) = with_result(&steel_ball()).await;
     let whole = server.get(&address).await;
     for part in RUN_TABLES {
-        let path = format!("{address}/{}", part.name());
+        let path = format!("{address}/{}", part.as_str());
         let table = server.get(&path).await;
         // The table equals that of the stored document character by character.
-        let (_, text) = table.text().split_once(&format!("\"{}\":", part.name())).unwrap();
+        let (_, text) = table.text().split_once(&format!("\"{}\":", part.as_str())).unwrap();
         assert!(whole.text().contains(&text[..text.len() - 1]), "{part:?}");
 
         let csv = server.get(&format!("{path}?format=csv")).await;

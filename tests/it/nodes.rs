@@ -9,8 +9,8 @@ use std::time::Duration;
 
 use fretwork_job::{Cost, FailureKind, JobState, Origin};
 use fretwork_store::{
-    Actor, Canceled, Claimed, DatabaseUrl, Error, Finish, NewJob, Options, Piece, Recovered,
-    Repeatable, Store, Submitted,
+    Actor, Canceled, Claimed, Error, Finish, NewJob, Options, Piece, Place, Recovered, Repeatable,
+    Store, Submitted,
 };
 use serde_json::{Value, json};
 use sqlx::{Connection as _, Executor as _, PgConnection};
@@ -300,7 +300,7 @@ async fn a_server_runs_beside_a_later_one_until_the_tables_require_the_later_one
     assert!(store.submit(new_job(2)).await.is_err_and(refuses));
     assert!(store.finish(&claimed, &answer("a"), Cost::ZERO).await.is_err_and(refuses));
     assert_eq!(job(&store, submitted.id).await.state, JobState::Running);
-    let started = Store::open(db.url().into(), &Options::default()).await;
+    let started = Store::open(Place::Shared(db.url()), &Options::default()).await;
     let text = started.unwrap_err().to_string();
     assert!(text.contains("was written by a later version"), "{text}");
 }
@@ -312,7 +312,7 @@ async fn a_setting_of_the_database_that_prevents_everything_is_named() {
     let name = address.split('?').next().unwrap().rsplit('/').next().unwrap();
     let says = async |address: &str, advice: &str| {
         let opened =
-            Store::open(address.parse::<DatabaseUrl>().unwrap().into(), &Options::default()).await;
+            Store::open(Place::Shared(address.parse().unwrap()), &Options::default()).await;
         let refused = opened.unwrap_err();
         assert!(matches!(refused, Error::Unfit(..)), "{refused:?}");
         assert!(refused.to_string().contains(advice), "{refused}");

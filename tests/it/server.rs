@@ -96,7 +96,7 @@ impl Server {
         let address = listener.local_addr().unwrap();
         let (api, settings) = (service.clone(), settings.clone());
         tokio::spawn(async move {
-            http::serve(listener, api, &settings, std::future::pending()).await;
+            http::serve(listener, None, api, &settings, std::future::pending()).await;
         });
         Self { address, service, _workers: workers, dir, shared }
     }
@@ -104,7 +104,7 @@ impl Server {
     /// Where the tables are.
     pub fn place(&self) -> Place {
         match &self.shared {
-            Some(shared) => shared.url().into(),
+            Some(shared) => Place::Shared(shared.url()),
             None => self.dir.path().into(),
         }
     }

@@ -155,7 +155,7 @@ async fn a_private_note_stands_beside_the_note_of_all(on: Engine) {
 async fn passed_on(db: &Database, from: &str, to: Option<&str>) -> u64 {
     let place = match db {
         Database::Sqlite(dir) => Place::from(dir.path()),
-        Database::Postgres(_) => Place::from(db.url()),
+        Database::Postgres(_) => Place::Shared(db.url()),
     };
     let mut administration = Administration::open(place).await.unwrap();
     let count = administration.pass_names_on(from, to).await.unwrap();

@@ -1155,7 +1155,7 @@ async fn an_answer_that_is_recorded_during_a_run_is_stored_and_the_run_finds_it_
     let cost = Cost { wall: Duration::from_mins(1), cpu: None };
     let record = async |job| {
         let answered = Answered::new(&answer("a"), Some(cost));
-        let recorded = store.record(vec![job], answered, cost.wall).await.unwrap();
+        let recorded = store.record(vec![job], answered).await.unwrap();
         recorded.into_iter().next().unwrap()
     };
     let queued = accepted(store.submit(new_job(1)).await);
@@ -1181,7 +1181,7 @@ async fn equal_jobs_that_are_recorded_together_end_like_the_first(on: Engine) {
     let record = async || {
         let answered = Answered::new(&answer("a"), None);
         let jobs = (0..3).map(|_| new_job(1)).collect();
-        store.record(jobs, answered, Duration::ZERO).await.unwrap()
+        store.record(jobs, answered).await.unwrap()
     };
     let origins = |all: Vec<Submitted>| -> Vec<(JobState, Origin)> {
         let job = |submitted| accepted(Ok(submitted));

@@ -14,7 +14,7 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use fretwork_engine::contact::control::Control;
+use fretwork_engine::contact::control::{Control, Held, Normal};
 use fretwork_engine::contact::profile::Shape;
 use fretwork_engine::contact::row::SpringRow;
 use fretwork_engine::contact::transform::Kernels;
@@ -22,7 +22,7 @@ use fretwork_engine::contact::unworn::{Contact, Decay};
 use fretwork_engine::scenario::{self, Scenario};
 use fretwork_engine::simulation::{Advance, Simulation};
 use fretwork_engine::solver::closed::simplified::Simplified;
-use fretwork_engine::solver::stepped::law::WearProblem;
+use fretwork_engine::solver::stepped::law::{Law, WearProblem};
 use fretwork_engine::solver::stepped::march::March;
 use serde_json::{Value, json};
 
@@ -230,9 +230,10 @@ fn exact_runs(simplified: &Scenario) {
     }
     // Only the fine run, without the coarse run for the error estimate.
     let contact = Contact::sticking(Shape::power(2.0), 0.5).expect("a limit");
-    let control = Control::paper(contact.threshold);
+    let control = Control::constant(Normal::Depth, Held::Threshold, contact.threshold);
+    let problem = WearProblem { contact: &contact, control: &control, law: Law::Exact };
     let march = |cells: usize, tolerance: f64, last: f64| {
-        let run = March::with_cells(WearProblem::exact(&contact, &control), cells, tolerance, last);
+        let run = March::with_cells(problem, cells, tolerance, last);
         let mut run = run.expect("a scar that fits");
         while run.advance(last) {}
         run.at(last)

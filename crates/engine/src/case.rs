@@ -361,21 +361,15 @@ impl Case {
 
     /// Maximum number of springs that can slip. Each of them is a corner of the friction loop.
     fn springs(&self) -> usize {
-        if self.law() != Law::Exact && self.control.is_closed() {
+        if self.is_closed() {
             return ROW_POINTS;
         }
-        let cells = March::cells_for(self.problem(self.law()), self.tolerance());
-        cells.max(ROW_POINTS)
+        March::cells_for(self.problem(), self.tolerance()).max(ROW_POINTS)
     }
 
-    /// The wear problem of this contact with a wear law.
-    pub(crate) fn problem(&self, law: Law) -> WearProblem<'_> {
-        WearProblem { contact: &self.contact, control: &self.control, law }
-    }
-
-    /// The wear law of the integration in time.
-    pub(crate) fn law(&self) -> Law {
-        self.method.law()
+    /// The wear problem of this contact, for the integration in time.
+    pub(crate) fn problem(&self) -> WearProblem<'_> {
+        WearProblem { contact: &self.contact, control: &self.control, law: self.method.law() }
     }
 
     /// The largest amplitude, divided by the amplitude at N = 0.
@@ -416,37 +410,26 @@ impl Case {
 
     /// Estimated number of multiplications of the run.
     pub fn operations(&self) -> f64 {
-        let rows = self.profile_rows();
-        let count = self.outputs.numbers().len();
-        let march = |law, tolerance| {
-            let last = self.normalized_end();
-            let cells = March::cells_for(self.problem(law), tolerance);
-            let search = match self.outputs {
-                Outputs::Cycles(_) => 1,
-                Outputs::Energies(_) => SEARCH_EVALUATIONS * cells * cells,
-            };
-            let output = (self.points * rows + search * count) as f64;
-            March::operations(self.problem(law), tolerance, last) + output
-        };
-        match self.method {
-            Method::Simplified { .. } if self.control.is_closed() => {
-                Simplified::operations(self.points, count, rows)
-            }
-            Method::Simplified { xi } => march(Law::Simplified(xi), RULE_TOLERANCE),
-            Method::Exact { tolerance, .. } => {
-                march(Law::Exact, tolerance) + self.comparison_operations()
-            }
+        let (rows, count) = (self.profile_rows(), self.outputs.numbers().len());
+        if self.is_closed() {
+            return Simplified::operations(self.points, count, rows);
         }
+        let (problem, tolerance) = (self.problem(), self.tolerance());
+        let cells = March::cells_for(problem, tolerance);
+        let search = match self.outputs {
+            Outputs::Cycles(_) => 1,
+            Outputs::Energies(_) => SEARCH_EVALUATIONS * cells * cells,
+        };
+        let output = (self.points * rows + search * count) as f64;
+        March::operations(problem, tolerance, self.normalized_end())
+            + output
+            + self.comparison_operations()
     }
 
     /// The part of [`operations`](Self::operations) for the comparison with the simplified rule.
     fn comparison_operations(&self) -> f64 {
-        match self.method {
-            Method::Exact { compare: Some(xi), .. } => {
-                self.rule(xi).operations() * COMPARISON_RUNS as f64
-            }
-            _ => 0.0,
-        }
+        let Method::Exact { compare: Some(xi), .. } = self.method else { return 0.0 };
+        self.rule(xi).operations() * COMPARISON_RUNS as f64
     }
 
     /// The comparison with the simplified rule as a share of all work.

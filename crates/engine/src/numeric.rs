@@ -92,64 +92,39 @@ pub(crate) fn integrate_beyond(from: f64, to: f64, kinks: &[f64], f: impl Fn(f64
 
 /// The root of `f` between `low` and `high` to the last bits. `f` must change sign there.
 pub fn root(low: f64, high: f64, f: impl Fn(f64) -> f64) -> f64 {
-    let mut bracket = Bracket::new((low, f(low)), (high, f(high)));
-    while let Some(middle) = bracket.next() {
-        bracket.narrow(middle, f(middle));
-    }
-    bracket.found()
+    root_between(0.0, (low, f(low)), (high, f(high)), f)
 }
 
-/// A search for a root: false position with the Anderson–Björck correction, and bisection every fourth round.
-#[derive(Debug, Clone, Copy)]
-pub struct Bracket {
-    low: f64,
-    high: f64,
-    at_low: f64,
-    at_high: f64,
-    round: usize,
-}
-
-impl Bracket {
+/// The root of `f` between two points whose values have different signs. The search ends when the distance of the points
+/// is at most `digits`, relatively, or when the root is known to the last bits.
+///
+/// The method is false position with the Anderson–Björck correction, and bisection every fourth round.
+pub(crate) fn root_between(
+    digits: f64,
+    (mut low, mut at_low): (f64, f64),
+    (mut high, mut at_high): (f64, f64),
+    mut f: impl FnMut(f64) -> f64,
+) -> f64 {
     const ROUNDS: usize = 200;
-
-    /// Starts between two points, each with its value. The values must have different signs.
-    pub(crate) fn new((low, at_low): (f64, f64), (high, at_high): (f64, f64)) -> Self {
-        Self { low, high, at_low, at_high, round: 0 }
-    }
-
-    /// The distance between the two ends of the bracket, divided by the larger of their absolute values.
-    pub(crate) fn width(&self) -> f64 {
-        (self.high - self.low).abs() / self.high.abs().max(self.low.abs())
-    }
-
-    /// The next point at which to evaluate the function; none once the root is known to the last bits.
-    pub(crate) fn next(&self) -> Option<f64> {
-        let Self { low, high, at_low, at_high, round } = *self;
-        let close = (high - low).abs() <= 2.0 * f64::EPSILON * high.abs().max(low.abs());
-        if at_low == 0.0 || at_high == 0.0 || close || round == Self::ROUNDS {
-            return None;
+    for round in 0..ROUNDS {
+        let (width, size) = ((high - low).abs(), high.abs().max(low.abs()));
+        let close = width <= 2.0 * f64::EPSILON * size || width / size <= digits;
+        if at_low == 0.0 || at_high == 0.0 || close {
+            break;
         }
         let secant = high - at_high * (high - low) / (at_high - at_low);
         let inside = secant > low.min(high) && secant < low.max(high);
-        Some(if inside && round % 4 != 3 { secant } else { 0.5 * (low + high) })
-    }
-
-    /// Narrows the bracket with the value `at_middle` of the function at `middle`.
-    pub fn narrow(&mut self, middle: f64, at_middle: f64) {
-        if at_middle.is_sign_negative() == self.at_high.is_sign_negative() && at_middle != 0.0 {
-            let shrink = 1.0 - at_middle / self.at_high;
-            self.at_low *= if shrink > 0.0 { shrink } else { 0.5 };
+        let middle = if inside && round % 4 != 3 { secant } else { 0.5 * (low + high) };
+        let at_middle = f(middle);
+        if at_middle.is_sign_negative() == at_high.is_sign_negative() && at_middle != 0.0 {
+            let shrink = 1.0 - at_middle / at_high;
+            at_low *= if shrink > 0.0 { shrink } else { 0.5 };
         } else {
-            (self.low, self.at_low) = (self.high, self.at_high);
+            (low, at_low) = (high, at_high);
         }
-        (self.high, self.at_high) = (middle, at_middle);
-        self.round += 1;
+        (high, at_high) = (middle, at_middle);
     }
-
-    /// The best estimate of the root.
-    pub(crate) fn found(&self) -> f64 {
-        if self.at_low == 0.0 { self.low } else { self.high }
-    }
+    if at_low == 0.0 { low } else { high }
 }
 
 /// The maximum of `f` between `low` and `high`, where `f` rises and then falls. Golden section narrows the

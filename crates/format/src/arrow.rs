@@ -41,7 +41,7 @@ pub fn table(out: &mut Out<'_>, head: &Head, table: &PartTable, view: &View) -> 
         ("key".to_owned(), head.key.clone()),
         ("engine".to_owned(), head.engine_text.to_string()),
         ("units".to_owned(), serde_json::to_string(&head.units)?),
-        ("part".to_owned(), table.part.name().to_owned()),
+        ("part".to_owned(), table.part.as_str().to_owned()),
     ]);
     let schema = Arc::new(Schema::new(fields).with_metadata(metadata));
     let mut writer = FileWriter::try_new(out, &schema)?;

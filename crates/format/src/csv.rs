@@ -11,7 +11,7 @@ pub fn table(out: &mut Out<'_>, head: &Head, table: &PartTable, view: &View) -> 
     let Head { units, key, engine_text, .. } = head;
     if !view.without_comments {
         let system = if view.engineering { "engineering" } else { "SI" };
-        let part = table.part.name();
+        let part = table.part.as_str();
         writeln!(
             out,
             "# fretwork {part}\n# key: {key}\n# engine: {engine_text}\n# units: {system}"

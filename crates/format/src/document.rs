@@ -95,7 +95,9 @@ impl<'a> Document<'a> {
             (TaskKind::Study(_), Part::History | Part::Loops) => {
                 "a table and figures, because it is a study"
             }
-            (TaskKind::Study(kind), Part::Profiles) if self.members.get(part.name()).is_none() => {
+            (TaskKind::Study(kind), Part::Profiles)
+                if self.members.get(part.as_str()).is_none() =>
+            {
                 if kind.keeps_profiles {
                     "a table and figures. Submit the study with `profiles` to have them"
                 } else {
@@ -127,7 +129,7 @@ impl<'a> Document<'a> {
     /// A table, cut to a selection and converted.
     pub fn table(&self, part: Part, selection: &View) -> Result<PartTable> {
         self.must_have(part)?;
-        self.read(part, self.members.get(part.name()), selection)
+        self.read(part, self.members.get(part.as_str()), selection)
     }
 
     fn read(&self, part: Part, text: Option<&RawValue>, selection: &View) -> Result<PartTable> {
@@ -160,7 +162,7 @@ impl<'a> Document<'a> {
         if matches!(self.kind(), TaskKind::Study(kind) if kind.rows == name) {
             return Ok(Member::Table(self.read(Part::Table, Some(text), self.view)?));
         }
-        if let Some(part) = Part::TABLES.into_iter().find(|part| part.name() == name) {
+        if let Some(part) = Part::TABLES.into_iter().find(|part| part.as_str() == name) {
             let selection = match part {
                 // The whole history is written: it is short, and other members refer to its rows.
                 Part::History => View::default(),

@@ -28,7 +28,7 @@ pub enum Error {
     #[error("{}", .0.iter().map(|item| item.detail.as_str()).collect::<Vec<_>>().join("; "))]
     Missing(Vec<Missing>),
     /// The part belongs to results of another kind: to runs or to studies. The text lists the parts of this result.
-    #[error("the result has no {}. The result has {}", .0.name(), .1)]
+    #[error("the result has no {0}. The result has {1}")]
     OtherKind(Part, &'static str),
     /// The stored document does not have the structure of a result.
     #[error("the document is not a result in JSON")]

@@ -5,24 +5,10 @@ use std::io::Write;
 use serde::ser::SerializeMap as _;
 use serde::{Serialize, Serializer};
 
-use super::{Head, Object, Out, PartTable, Result};
+use super::{Head, Out, PartTable, Result};
 
-/// Writes a whole document.
-pub fn whole(out: &mut Out<'_>, object: &Object) -> Result<()> {
-    Ok(serde_json::to_writer(out, object)?)
-}
-
-/// Writes a table with one array per column, as the document has it.
-pub fn columns(out: &mut Out<'_>, head: &Head, table: &PartTable) -> Result<()> {
-    framed(out, head, table.part.name(), table)
-}
-
-/// Writes a table as a list of rows, which spreadsheets and dashboards expect.
-pub fn records(out: &mut Out<'_>, head: &Head, table: &PartTable) -> Result<()> {
-    framed(out, head, "records", &JsonRows(table))
-}
-
-fn framed(out: &mut Out<'_>, head: &Head, name: &str, value: &impl Serialize) -> Result<()> {
+/// Writes a table under a name, after the key, the engine and the units.
+pub fn framed(out: &mut Out<'_>, head: &Head, name: &str, value: &impl Serialize) -> Result<()> {
     let mut json = serde_json::Serializer::new(out);
     let mut map = json.serialize_map(Some(4))?;
     map.serialize_entry("key", &head.key)?;
@@ -54,9 +40,10 @@ pub fn lines(out: &mut Out<'_>, head: &Head, table: &PartTable) -> Result<()> {
     Ok(())
 }
 
-struct JsonRows<'a>(&'a PartTable);
+/// A table as a list of rows, which spreadsheets and dashboards expect.
+pub struct Records<'a>(pub &'a PartTable);
 
-impl Serialize for JsonRows<'_> {
+impl Serialize for Records<'_> {
     fn serialize<S: Serializer>(&self, json: S) -> Result<S::Ok, S::Error> {
         json.collect_seq(self.0.rows().map(|row| JsonRow(self.0, row)))
     }

@@ -1,5 +1,7 @@
 //! File formats, and the parts of a result that they can hold.
 
+use fretwork_json::words;
+
 /// A file format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
@@ -54,44 +56,31 @@ impl Format {
     }
 }
 
-/// A part of a result.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Part {
-    /// The whole result.
-    Whole,
-    /// One row per output cycle.
-    History,
-    /// Matrices over output cycles and radii.
-    Profiles,
-    /// The force–displacement loops.
-    Loops,
-    /// The table of a study.
-    Table,
-    /// Statistics of the outputs of a study: one row per output.
-    Statistics,
-    /// Histograms of the outputs of a study: one row per bin.
-    Histogram,
-    /// A figure.
-    Plot,
+words! {
+    /// A part of a result, by its name in addresses and documents.
+    pub enum Part: "part of a result" {
+        /// The whole result.
+        Whole = "result",
+        /// One row per output cycle.
+        History = "history",
+        /// Matrices over output cycles and radii.
+        Profiles = "profiles",
+        /// The force–displacement loops.
+        Loops = "loops",
+        /// The table of a study.
+        Table = "table",
+        /// Statistics of the outputs of a study: one row per output.
+        Statistics = "statistics",
+        /// Histograms of the outputs of a study: one row per bin.
+        Histogram = "histogram",
+        /// A figure.
+        Plot = "plot",
+    }
 }
 
 impl Part {
     /// The parts that are tables, in the order of the document.
     pub const TABLES: [Self; 4] = [Self::History, Self::Profiles, Self::Loops, Self::Table];
-
-    /// The name in addresses and documents.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Whole => "result",
-            Self::History => "history",
-            Self::Profiles => "profiles",
-            Self::Loops => "loops",
-            Self::Table => "table",
-            Self::Statistics => "statistics",
-            Self::Histogram => "histogram",
-            Self::Plot => "plot",
-        }
-    }
 
     /// Whether the part summarises the outputs of a study.
     pub fn is_summary(self) -> bool {

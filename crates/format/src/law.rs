@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 use serde_json::Value;
+use utoipa::ToSchema;
 
 use super::figure::words::capital;
 use super::notation::percent;
@@ -19,16 +20,18 @@ const NUMERICAL: f64 = 1e-3;
 const FRICTIONAL: [&str; 4] =
     ["energy_per_cycle", "dissipated_energy", "normal_force", "tangential_force"];
 
-/// What a fit says of its law.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+/// Whether the law of a fit describes its data.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, ToSchema)]
+#[schema(as = VerdictAnswer)]
 pub struct Verdict {
-    /// `holds`, `fails`, `trend` or `untested`.
+    /// `holds`, perhaps but for numbers that the verdict names; `fails`: the residuals are too large; `trend`: they follow a
+    /// curve; or `untested`.
     pub outcome: &'static str,
     /// A sentence that names the law.
     pub verdict: String,
-    /// The sentences that say why.
+    /// Why. Names of numbers stand between grave accents, and numbers are in SI.
     pub reason: String,
-    /// What must be said beside each interval, if the law does not hold.
+    /// What to say beside each interval; null if the law may hold and no number disagrees.
     pub intervals: Option<&'static str>,
 }
 

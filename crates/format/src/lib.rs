@@ -48,6 +48,7 @@ use out::Out;
 pub use quantity::{QUANTITIES, Quantity};
 use table::{PartTable, Values, evenly_spaced};
 use units::{Units, fits_single};
+pub use units::{in_engineering, round};
 pub use view::{FigureOptions, StudyOptions, View};
 
 /// The version of the formats. Clients may cache answers for ever, so increase the version when the same
@@ -94,7 +95,7 @@ fn convert(
         drop(stored);
         return match format {
             Format::Npz => npz::whole(out, object, view),
-            _ => json::whole(out, &object),
+            _ => Ok(serde_json::to_writer(out, &object)?),
         };
     }
     let table = match part {
@@ -106,8 +107,8 @@ fn convert(
     match format {
         Format::Svg => unreachable!("a figure is not a table"),
         Format::Npz => npz::table(out, &head, &table, view),
-        Format::Json if view.records => json::records(out, &head, &table),
-        Format::Json => json::columns(out, &head, &table),
+        Format::Json if view.records => json::framed(out, &head, "records", &json::Records(&table)),
+        Format::Json => json::framed(out, &head, part.as_str(), &table),
         Format::Ndjson => json::lines(out, &head, &table),
         Format::Csv => csv::table(out, &head, &table, view),
         Format::Arrow => arrow::table(out, &head, &table, view),

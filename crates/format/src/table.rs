@@ -256,23 +256,16 @@ impl PartTable {
     /// Whether all columns have the length of their axes, and the rows of all loops the same points.
     fn is_whole(&self) -> bool {
         let (cycles, points) = (self.cycles(), self.axis("radius").len());
-        let mut matrices = self.columns.iter().filter_map(|(_, values)| match values {
-            Values::Matrix(rows) => Some(rows),
-            _ => None,
-        });
-        let first = matrices.clone().next();
-        let points_in = |cycle: usize| match (self.part, first) {
-            (Part::Profiles, _) | (_, None) => points,
-            (_, Some(rows)) => rows.get(cycle).map_or(0, Vec::len),
-        };
-        let is_row = |(cycle, row): (usize, &Vec<f64>)| row.len() == points_in(cycle);
-        matrices.all(|rows| rows.len() == cycles && rows.iter().enumerate().all(is_row))
-            && self.columns.iter().all(|(_, values)| match values {
-                Values::Cycles(row) => row.len() == cycles,
-                Values::Texts(texts) => texts.len() == cycles,
-                Values::Points(row) => row.len() == points,
-                Values::Matrix(_) | Values::Absent => true,
-            })
+        let is_profile = self.part == Part::Profiles;
+        let length = |cycle| if is_profile { points } else { self.points_in(cycle) };
+        let lengths: Vec<usize> = (0..cycles).map(length).collect();
+        self.columns.iter().all(|(_, values)| match values {
+            Values::Cycles(row) => row.len() == cycles,
+            Values::Texts(texts) => texts.len() == cycles,
+            Values::Points(row) => row.len() == points,
+            Values::Matrix(rows) => rows.iter().map(Vec::len).eq(lengths.iter().copied()),
+            Values::Absent => true,
+        })
     }
 
     /// The numbers of a column with one number per output cycle or one per point.
@@ -340,7 +333,7 @@ impl PartTable {
 fn unsound(part: Part) -> serde_json::Error {
     serde::de::Error::custom(format!(
         "the columns of `{}` are missing or have different lengths",
-        part.name()
+        part.as_str()
     ))
 }
 

@@ -19,20 +19,16 @@ struct Unit {
     divisor: f64,
 }
 
-const fn unit(name: &'static str, factor: f64, divisor: f64) -> Unit {
-    Unit { name, factor, divisor }
-}
-
 impl Unit {
     /// The engineering unit for an SI unit, or `None` if the SI unit is used.
     fn engineering(si: &str) -> Option<Self> {
         Some(match si {
-            "m" => unit("um", 1e6, 1.0),
-            "m^3" => unit("mm^3", 1e9, 1.0),
-            "Pa" => unit("MPa", 1.0, 1e6),
+            "m" => Self { name: "um", factor: 1e6, divisor: 1.0 },
+            "m^3" => Self { name: "mm^3", factor: 1e9, divisor: 1.0 },
+            "Pa" => Self { name: "MPa", factor: 1.0, divisor: 1e6 },
             // N·mm, consistent with MPa and mm.
-            "J" => unit("mJ", 1e3, 1.0),
-            "1/Pa" => unit("mm^3/(N m)", 1e9, 1.0),
+            "J" => Self { name: "mJ", factor: 1e3, divisor: 1.0 },
+            "1/Pa" => Self { name: "mm^3/(N m)", factor: 1e9, divisor: 1.0 },
             _ => return None,
         })
     }
@@ -62,24 +58,19 @@ pub fn fits_single(digits: Option<u8>, numbers: impl IntoIterator<Item = f64>) -
     digits.is_some_and(|digits| digits <= 7) && numbers.into_iter().all(fits)
 }
 
-/// Name, SI unit and engineering unit of a quantity.
+/// The unit of a quantity.
 #[derive(Clone)]
-struct UnitPair {
+struct UnitOf {
     quantity: String,
-    si: String,
+    name: String,
+    /// The conversion from SI, if the unit is an engineering unit.
     engineering: Option<Unit>,
-}
-
-impl UnitPair {
-    fn unit(&self) -> &str {
-        self.engineering.map_or(&self.si, |unit| unit.name)
-    }
 }
 
 /// The units of all quantities of a document, and the conversion of their numbers.
 #[derive(Clone, Default)]
 pub struct Units {
-    entries: Vec<UnitPair>,
+    entries: Vec<UnitOf>,
     digits: Option<u8>,
     /// Whether a change of units or rounding changes some numbers.
     pub convert: bool,
@@ -91,14 +82,15 @@ impl Units {
         let entry = |(quantity, text): (Cow<'_, str>, &serde_json::value::RawValue)| {
             let si: String = serde_json::from_str(text.get())?;
             let engineering = view.engineering.then(|| Unit::engineering(&si)).flatten();
-            Ok(UnitPair { quantity: quantity.into_owned(), si, engineering })
+            let name = engineering.map_or(si, |unit| unit.name.to_owned());
+            Ok(UnitOf { quantity: quantity.into_owned(), name, engineering })
         };
         let entries = si.0.into_iter().map(entry).collect::<Result<_, serde_json::Error>>()?;
         let convert = view.engineering || view.digits.is_some();
         Ok(Self { entries, digits: view.digits, convert })
     }
 
-    fn find(&self, quantity: &str) -> Option<&UnitPair> {
+    fn find(&self, quantity: &str) -> Option<&UnitOf> {
         self.entries.iter().find(|entry| entry.quantity == quantity)
     }
 
@@ -109,7 +101,7 @@ impl Units {
 
     /// The unit of a quantity, or `None` for plain numbers.
     pub fn of(&self, quantity: &str) -> Option<&str> {
-        self.find(quantity).map(UnitPair::unit).filter(|unit| *unit != "1")
+        self.find(quantity).map(|entry| &*entry.name).filter(|unit| *unit != "1")
     }
 
     /// The name of a column with its unit, for tables without metadata.
@@ -156,7 +148,7 @@ impl Units {
 
 impl Serialize for Units {
     fn serialize<S: Serializer>(&self, json: S) -> Result<S::Ok, S::Error> {
-        json.collect_map(self.entries.iter().map(|entry| (&entry.quantity, entry.unit())))
+        json.collect_map(self.entries.iter().map(|entry| (&entry.quantity, &entry.name)))
     }
 }
 

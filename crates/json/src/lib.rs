@@ -205,14 +205,9 @@ pub fn typed<T: Deserr<Faults>>(document: Value) -> Valid<T> {
 /// # Errors
 /// One of them has faults.
 pub fn both<A, B>(a: Valid<A>, b: Valid<B>) -> Valid<(A, B)> {
-    match (a, b) {
-        (Ok(a), Ok(b)) => Ok((a, b)),
-        (Err(mut faults), Err(more)) => {
-            faults.0.extend(more.0);
-            Err(faults)
-        }
-        (Err(faults), Ok(_)) | (Ok(_), Err(faults)) => Err(faults),
-    }
+    let mut faults = Faults::default();
+    let (a, b) = (faults.keep("", a), faults.keep("", b));
+    a.zip(b).ok_or(faults)
 }
 
 /// Parses JSON, and returns a fault for each member that appears more than once, because dropping one of them silently

@@ -13,12 +13,11 @@ const BAD: &str =
 pub const NOTHING: [f64; 4] = [-9999.0, -99999.0, 9.9e37, 9.91e37];
 /// The longest number with its error and unit, in bytes.
 const LONGEST: usize = 100;
-/// Spaces between thousands.
-const SPACES: [char; 4] = [' ', '\u{a0}', '\u{2009}', '\u{202f}'];
+/// Spaces and apostrophes between thousands.
+const GROUPS: [char; 6] = [' ', '\u{a0}', '\u{2009}', '\u{202f}', '\'', '’'];
 const SIGNS: [char; 3] = ['+', '-', '−'];
 
 /// A number with what people write behind it.
-#[derive(Debug, PartialEq)]
 pub struct Written<'a> {
     pub value: f64,
     /// The number behind `±`.
@@ -63,7 +62,7 @@ pub fn is_bad(text: &str) -> bool {
 
 /// A number with a decimal point or comma. NaN stands for an unknown number, and `None` for any other text.
 pub fn number(text: &str) -> Option<f64> {
-    let plain = ungrouped(text, &SPACES).unwrap_or_else(|| text.to_owned());
+    let plain = ungrouped(text, &GROUPS).unwrap_or_else(|| text.to_owned());
     // Fortran writes `1.2D-01`.
     let plain = plain.replace('−', "-").replace(',', ".").replace("D-", "e-").replace("D+", "e+");
     let is_digit = |byte: u8| byte.is_ascii_digit() || b"+-.eE".contains(&byte);
@@ -127,14 +126,14 @@ pub fn written(text: &str) -> Option<Written<'_>> {
     is_one.then_some(Written { value: value.0, sigma: Some(sigma.0), unit: own })
 }
 
-/// Examples of numbers with points, with commas, and with spaces: one whose mark can separate nothing but decimals, and one
+/// Examples of numbers with points, with commas, and with spaces or apostrophes: one whose mark can separate nothing but decimals, and one
 /// whose mark can separate thousands.
 #[derive(Default)]
 pub struct Spelling([[String; 2]; 3]);
 
 impl Spelling {
     pub fn see(&mut self, cell: &str) {
-        for (own, marks) in self.0.iter_mut().zip([&['.'][..], &[','], &SPACES]) {
+        for (own, marks) in self.0.iter_mut().zip([&['.'][..], &[','], &GROUPS]) {
             if cell.contains(marks) {
                 cell.clone_into(&mut own[usize::from(ungrouped(cell, marks).is_some())]);
             }
@@ -185,7 +184,7 @@ impl Spelling {
         for (told, example) in [
             ("Points are decimal marks", &points[1]),
             ("Commas are decimal marks", comma),
-            ("Spaces separate thousands", space),
+            ("Spaces and apostrophes separate thousands", space),
         ] {
             if let Some(read) = written(example).filter(|_| !example.is_empty()) {
                 notes.push(format!("{told}: “{example}” was read as {}.", read.value));

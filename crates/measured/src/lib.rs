@@ -117,7 +117,7 @@ fn points(
     let own = y.unit.as_deref().or((is_output && needed == "1").then_some("1"));
     if let Some(own) = own.filter(|own| is_output && *own != needed) {
         let other = if needed == "kg" { MASSES.map(|it| it.0).join(", ") } else { "1".into() };
-        let dimension = Dimension::ALL.into_iter().find(|it| it.si() == needed);
+        let dimension = Dimension::all().find(|it| it.si() == needed);
         let accepted = dimension.map_or(other, Dimension::accepted);
         let detail = format!(
             "is the output {output} in the unit {own}. Accepted units: {accepted}. Convert the numbers to one of them"

@@ -86,7 +86,6 @@ fn is_word(cell: &str) -> bool {
 }
 
 /// The columns of a table.
-#[derive(Debug, Clone, Default)]
 pub struct Layout {
     /// The number of cells of a row.
     pub cells: usize,
@@ -127,7 +126,6 @@ impl Layout {
 }
 
 /// A table of a file.
-#[derive(Debug, Clone)]
 pub struct Block {
     /// Its rows, and the lines between them and the table before.
     pub rows: Range<usize>,

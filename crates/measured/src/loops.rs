@@ -19,7 +19,7 @@ use serde_json::{Map, Value, json};
 
 use super::curve::{enough, is_spike, median, noise, period, spread};
 use super::record::{Cycle, NOISE, Record};
-use crate::notes::Notes;
+use crate::notes::{Notes, counted};
 
 /// A spike is off its neighbours by this share of the spread.
 const SPIKE: f64 = 0.2;
@@ -66,10 +66,9 @@ fn without_spikes(rows: Vec<(f64, f64)>, notes: &mut Notes) -> (Vec<f64>, Vec<f6
     let limits = [&x, &force].map(|all| (all, (SPIKE * spread(all)).max(NOISE * noise(all))));
     let is_spike = |row: &usize| limits.iter().any(|it| is_spike(it.0, *row, reach, it.1));
     let (spikes, rows): (Vec<_>, Vec<_>) = (0..x.len()).partition(is_spike);
-    notes.extend(spikes.first().map(|first| {
-        let (count, first) = (spikes.len(), first + 1);
-        format!("{count} row(s) with spikes were left out, the first is row {first}.")
-    }));
+    let first = spikes.first().map_or(0, |row| row + 1);
+    let told = format!("row(s) with spikes were left out, the first is row {first}.");
+    counted(notes, spikes.len(), told);
     rows.iter().map(|row| (x[*row], force[*row])).unzip()
 }
 
@@ -105,10 +104,8 @@ pub fn loops(rows: Vec<(f64, f64)>, notes: &mut Notes) -> Result<Value, String> 
             .iter()
             .take(MOST)
             .map(|(_, (_, begin, end))| format!("{:.0} to {:.0}", begin.row + 1.0, end.row + 1.0));
-        let (count, rows) = (own.len(), rows.collect::<Vec<_>>().join(", "));
-        if count > 0 {
-            notes.push(format!("{count} cycle(s) {kind}, in rows {rows}. They were {told}."));
-        }
+        let rows = rows.collect::<Vec<_>>().join(", ");
+        counted(notes, own.len(), format!("cycle(s) {kind}, in rows {rows}. They were {told}."));
     }
     let whole = faults.iter().filter(|it| it.0.is_none() || !is_any);
     let mut cycles: Vec<_> = whole.map(|it| record.cycle(*it.1)).collect();

@@ -13,7 +13,7 @@ use super::lines::{Block, Lines};
 use super::names::{friction, function, is_count, is_index};
 use super::text::decode;
 use super::units::{GRAVITY, has_factor, header, unit};
-use crate::notes::Notes;
+use crate::notes::{Notes, counted};
 
 /// Maximum number of characters of a name, and of a cell in a fault.
 const MAX_NAME: usize = 200;
@@ -92,11 +92,6 @@ impl Column {
 /// First words of cells in rows that are computed from those above.
 const SUMMARIES: &str = "mean average avg median sum total std stdev mittelwert summe stabw";
 
-/// The beginning of a text.
-fn short(text: &str) -> String {
-    text.chars().take(MAX_NAME).collect()
-}
-
 /// A row, by its cells.
 type Row<'a> = Vec<Cow<'a, str>>;
 
@@ -134,11 +129,9 @@ impl<'a> Lines<'a> {
 
     /// Says which lines were not read.
     fn tell_skipped(&self, lines: Range<usize>, place: &str, notes: &mut Notes) {
-        if !lines.is_empty() {
-            let first: String = self.all[lines.start].1.trim().chars().take(40).collect();
-            let count = lines.len();
-            notes.push(format!("{count} line(s) {place} the table were not read: “{first}”."));
-        }
+        let first = self.all.get(lines.start).map_or("", |line| line.1.trim());
+        let told = format!("line(s) {place} the table were not read: “{first:.40}”.");
+        counted(notes, lines.len(), told);
     }
 
     /// The headers of the columns, from the rows above them, and whether these have names.
@@ -153,10 +146,9 @@ impl<'a> Lines<'a> {
             let ((line, text), count) = (self.all[last], self.cells(last).len());
             if (2..width).contains(&count) || text.contains([';', '\t']) && count < 2 {
                 return Err(format!(
-                    "The rows have {width} columns, separated by {}, but line {line} has other names: “{}”. Write one \
-                     name for each column, the same separator in all lines, and no separators of thousands",
-                    self.separators,
-                    short(text)
+                    "The rows have {width} columns, separated by {}, but line {line} has other names: “{text:.MAX_NAME$}”. \
+                     Write one name for each column, the same separator in all lines, and no separators of thousands",
+                    self.separators
                 ));
             }
         }
@@ -173,7 +165,8 @@ impl<'a> Lines<'a> {
                 name => name.to_owned(),
             };
             let unit = of_group.unwrap_or(unit).trim_matches(['[', ']']);
-            short(&if unit.is_empty() { name } else { format!("{name} [{unit}]") })
+            let header = if unit.is_empty() { name } else { format!("{name} [{unit}]") };
+            format!("{header:.MAX_NAME$}")
         };
         Ok(((0..width).map(header).collect(), count > 0))
     }
@@ -225,9 +218,8 @@ impl<'a> Lines<'a> {
                 let (column, cell) = (&mut columns[place], &*cells[place]);
                 let fault = |what: &str| {
                     format!(
-                        "Line {line}: “{}” in “{}” {what}is not a number. Write it like 1234.5, without separators of \
+                        "Line {line}: “{cell:.MAX_NAME$}” in “{}” {what}is not a number. Write it like 1234.5, without separators of \
                          thousands and without its unit, or leave the cell empty if it is not known",
-                        short(cell),
                         headers[place]
                     )
                 };
@@ -243,7 +235,7 @@ impl<'a> Lines<'a> {
                 if is_known {
                     spelling.see(plain);
                 } else if is_nothing || is_bad(cell) {
-                    column.bad = (short(cell), column.bad.1 + 1);
+                    column.bad = (format!("{cell:.MAX_NAME$}"), column.bad.1 + 1);
                 }
                 column.values.push(is_known.then_some(read.value));
                 if read.sigma.is_some() || !column.sigmas.is_empty() {
@@ -286,8 +278,9 @@ impl Table {
             let others = all.iter().map(|[line, rows]| format!("line {line} ({rows} rows)"));
             let others = others.collect::<Vec<_>>().join(", ");
             notes.push(format!(
-                "The file has {} tables, from {}. This is table {wanted}. Choose another one with table=2, for example.",
-                all.len(), short(&others)
+                "The file has {} tables, from {others:.MAX_NAME$}. This is table {wanted}. Choose another one with table=2, for \
+                 example.",
+                all.len()
             ));
         }
         if wanted == all.len() {
@@ -320,11 +313,8 @@ impl Table {
             return Ok(());
         }
         let (bad, count) = mem::take(&mut column.bad);
-        if count > 0 {
-            self.notes.push(format!(
-                "{count} cell(s) of “{head}” such as “{bad}” were taken as unknown numbers."
-            ));
-        }
+        let told = format!("cell(s) of “{head}” such as “{bad}” were taken as unknown numbers.");
+        counted(&mut self.notes, count, told);
         let (name, values) = (format!("{}{SIGMA}", column.name), mem::take(&mut column.sigmas));
         let mut errors = Column { name, values, ..Column::default() };
         let own = column.stated.take().filter(|own| !own.is_empty());

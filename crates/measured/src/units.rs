@@ -82,7 +82,7 @@ pub fn unit(text: &str) -> Option<Unit> {
     let known = match text {
         _ if PLAIN.contains(&text) => Some((Some(Dimension::Number), "1", 1.0)),
         _ if FOREIGN.contains(&text) => Some((None, text, 1.0)),
-        _ => mass.or_else(|| Dimension::ALL.into_iter().find_map(of)),
+        _ => mass.or_else(|| Dimension::all().find_map(of)),
     };
     known
         .or_else(|| Some((Some(Dimension::Number), "1", counts(text)?)))

@@ -35,6 +35,8 @@ enum Kind {
     Ring,
     /// A hump with smooth ends.
     Hump,
+    /// A flat bottom between two steps.
+    Box,
 }
 
 impl Part {
@@ -48,6 +50,7 @@ impl Part {
             Kind::Flat => 1.0 - u.powi(8),
             Kind::Ring => (1.0 - u * u) * (0.4 + 2.4 * u * u) / 0.817,
             Kind::Hump => (1.0 - u * u) * (1.0 - u * u),
+            Kind::Box => 1.0,
         };
         self.height * shape * (1.0 + self.skew * u)
     }
@@ -498,6 +501,21 @@ fn one_scar_is_chosen() {
     }
     let empty = answer(&two, &Wanted { scar: Some([600e-6, 800e-6]), ..TRACE }).unwrap_err();
     assert!(empty.contains("has no scar in scar=0.6000..0.8000mm"), "{empty}");
+}
+
+#[test]
+fn joined_images_are_told() {
+    let is_told = |parts: &[Part]| {
+        let notes = answer(&made(f64::INFINITY, parts), &TRACE).unwrap().notes;
+        notes.iter().any(|note| note.contains("joined images"))
+    };
+    // An image that lies lower than those beside it.
+    let joined = |half, height| Part { kind: Kind::Box, half, height, ..SCAR };
+    assert!(is_told(&[SCAR, joined(300.0, -0.5)]));
+    assert!(is_told(&[SCAR, joined(150.0, -0.4)]));
+    for kind in [Kind::Round, Kind::Flat, Kind::Ring, Kind::Hump] {
+        assert!(!is_told(&[Part { kind, ..SCAR }]), "{kind:?}");
+    }
 }
 
 #[test]

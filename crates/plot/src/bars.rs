@@ -3,7 +3,7 @@
 use super::canvas::{About, Anchor, Area, Canvas};
 use super::legend::Legend;
 use super::scale::{Axis, Scale, TICK_ROOM};
-use super::series::{Dash, Series, Style};
+use super::series::{Dash, Style};
 use super::text::{GAP, LABEL, LEADING, SINK, SMALL, TITLE, width};
 
 /// The bars of a group fill this share of its height.
@@ -75,10 +75,8 @@ impl BarChart {
     }
 
     fn legend(&self) -> Option<Legend> {
-        let series = self.names.iter().map(|name| Series::new(name, Vec::new(), Vec::new()));
-        let series: Vec<Series> = series.collect();
         let styles = FILLS.map(|color| Style { color, dash: Dash::Solid, width: 9.0, mark: None });
-        Legend::of(series.iter().zip(styles))
+        Legend::of(self.names.iter().map(String::as_str).zip(styles))
     }
 
     fn layout(&self) -> (Area, Scale) {

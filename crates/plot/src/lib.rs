@@ -1,21 +1,22 @@
 //! Figures as SVG: curves on linear or logarithmic axes, for the screen and for print.
 //!
 //! A [`Figure`] is one diagram; a [`Sheet`] contains several diagrams, with a common legend and a caption. The same
-//! figure gives the same bytes on every machine. By default, series have colours after Okabe and Ito, which
+//! figure gives the same bytes on every machine. The numbered styles have colours after Okabe and Ito, which
 //! colour-blind readers can distinguish, and different dashes, so that they also differ in greyscale. The legend is
 //! placed where it covers no curve, or beside the diagram if there is no such place. In labels, `$` signs enclose
 //! italics: `"$r$/$a$₀"`.
 //!
 //! # Examples
 //! ```
-//! use fretwork_plot::{Axis, Figure, Series};
+//! use fretwork_plot::{Axis, Figure, Series, Style};
 //! let radii: Vec<f64> = (0..=20).map(|i| f64::from(i) / 20.0).collect();
 //! let hertz = radii.iter().map(|r| (1.0 - r * r).sqrt()).collect();
 //! let figure = Figure {
 //!     title: "Pressure of Hertz".to_owned(),
 //!     x: Axis::labelled("$r$/$a$"),
 //!     y: Axis::labelled("$p$/$p$₀"),
-//!     series: vec![Series::new("elastic", radii, hertz)],
+//!     series: vec![Series::new("elastic", radii, hertz, Style::numbered(0))],
+//!     size: (480.0, 340.0),
 //!     ..Figure::default()
 //! };
 //! assert!(figure.svg().starts_with("<svg xmlns="));
@@ -59,7 +60,7 @@ const ABOVE: f64 = 1.1;
 const RULE: Style = Style { color: "#555", dash: Dash::ShortDashed, width: 0.8, mark: None };
 
 /// A diagram.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Figure {
     /// The title, above the diagram.
     pub title: String,
@@ -79,22 +80,6 @@ pub struct Figure {
     pub size: (f64, f64),
     /// Metadata for screen readers and programs.
     pub about: Option<About>,
-}
-
-impl Default for Figure {
-    fn default() -> Self {
-        Self {
-            title: String::new(),
-            x: Axis::default(),
-            y: Axis::default(),
-            bands: Vec::new(),
-            field: None,
-            series: Vec::new(),
-            note: String::new(),
-            size: (480.0, 340.0),
-            about: None,
-        }
-    }
 }
 
 /// Diagrams side by side, in rows.
@@ -157,20 +142,16 @@ impl Figure {
 
     /// Draws the figure. `corner` is its upper left corner, `indent` the minimum indentation of its area.
     fn draw(&self, canvas: &mut Canvas, corner: Point, indent: f64) {
-        let styles: Vec<Style> = (0..)
-            .zip(&self.series)
-            .map(|(i, series)| series.style.unwrap_or_else(|| Style::numbered(i)))
-            .collect();
-        let legend = Legend::of(self.series.iter().zip(styles.iter().copied()));
+        let legend = Legend::of(self.series.iter().map(|series| (&*series.label, series.style)));
         // The exact height is not known yet, so the scale is computed for an estimate.
         let shades = self.field.as_ref().map(|field| (field, field.shades(0.8 * self.size.1)));
         let bar = shades.as_ref().map_or(0.0, |(_, scale)| Field::room(scale));
         let mut plan = self.plan(corner, indent, bar);
         let place = legend.as_ref().map(|legend| {
             let mut lines = plan.rules(self);
-            for (curve, style) in self.curves(&plan).into_iter().zip(&styles) {
+            for (curve, series) in self.curves(&plan).into_iter().zip(&self.series) {
                 for run in curve {
-                    if style.width > 0.0 {
+                    if series.style.width > 0.0 {
                         lines.extend(run.windows(2).map(|pair| (pair[0], pair[1])));
                     }
                     lines.extend(run.iter().map(|point| (*point, *point)));
@@ -198,11 +179,11 @@ impl Figure {
         for (from, to) in plan.rules(self) {
             canvas.line(from, to, &RULE);
         }
-        for (i, (curve, style)) in self.curves(&plan).iter().zip(&styles).enumerate() {
+        for (i, (curve, series)) in self.curves(&plan).iter().zip(&self.series).enumerate() {
             // Shifts the markers of each curve, so that overlapping curves can be distinguished.
             let lead = 12.0 + 10.0 * (i % Mark::ALL.len()) as f64;
             for run in curve {
-                canvas.curve(run, style, lead);
+                canvas.curve(run, &series.style, lead);
             }
         }
         canvas.close_window();
@@ -376,9 +357,8 @@ impl Sheet {
             figure.draw(&mut canvas, (column as f64 * wide, y + row as f64 * high), indent);
         }
         y += self.figures.len().div_ceil(columns) as f64 * high;
-        let styles = self.legend.iter().enumerate();
-        let styles = styles.map(|(i, series)| series.style.unwrap_or_else(|| Style::numbered(i)));
-        if let Some(legend) = Legend::of(self.legend.iter().zip(styles)) {
+        let legend = self.legend.iter().map(|series| (&*series.label, series.style));
+        if let Some(legend) = Legend::of(legend) {
             y += GAP;
             legend.draw_rows(&mut canvas, (GAP, y), measure - 2.0 * GAP);
             y += legend.height(measure - 2.0 * GAP);

@@ -71,7 +71,7 @@ impl Mark {
 }
 
 impl Style {
-    /// The default style of series `i`, counted from 0.
+    /// A style without markers for series `i`, counted from 0.
     pub fn numbered(i: usize) -> Self {
         let color = PALETTE[i % PALETTE.len()];
         Self { color, dash: Dash::ALL[i % Dash::ALL.len()], width: 1.6, mark: None }
@@ -85,7 +85,7 @@ impl Style {
 }
 
 /// A curve through points.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Series {
     /// The name of the series in the legend. A series with an empty name is not in the legend.
     pub label: String,
@@ -94,18 +94,13 @@ pub struct Series {
     /// Ordinates. The curve has a gap where a value is not finite, or not positive on a logarithmic axis.
     /// At +∞ it rises to the frame on both sides.
     pub y: Vec<f64>,
-    /// The style of the series, by default [`Style::numbered`].
-    pub style: Option<Style>,
+    /// Its style, such as [`Style::numbered`].
+    pub style: Style,
 }
 
 impl Series {
-    /// A series with the default style.
-    pub fn new(label: &str, x: Vec<f64>, y: Vec<f64>) -> Self {
-        Self { label: label.to_owned(), x, y, style: None }
-    }
-
-    /// The same series in another style.
-    pub fn styled(self, style: Style) -> Self {
-        Self { style: Some(style), ..self }
+    /// A series with a label and a style.
+    pub fn new(label: &str, x: Vec<f64>, y: Vec<f64>, style: Style) -> Self {
+        Self { label: label.to_owned(), x, y, style }
     }
 }

@@ -6,9 +6,7 @@ use std::time::Duration;
 use sqlx::postgres::PgConnection;
 use sqlx::{Connection as _, SqliteConnection};
 
-use crate::database::{
-    Change, Columns, Command, Connected, Connection, Place, Result, Tables, Verb, sql,
-};
+use crate::database::{Change, Command, Connected, Connection, Place, Result, Tables, Verb, sql};
 use crate::jobs::naming;
 use crate::team::audit::{self, Actor, AuditEntry};
 use crate::team::keys::{self, AccessKey, NewKey};

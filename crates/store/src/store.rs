@@ -11,12 +11,11 @@ use futures_util::{StreamExt as _, TryStreamExt as _};
 
 use crate::database::usage::Owners;
 use crate::database::{
-    Change, Changes, Columns, Command, Deletions, Doing, Error, FileSizes, Most, Options, Place,
-    Purpose, Reach, Recovered, Result, Row, SharedVerb, Signals, Statement, Sum, Tables, Tally,
-    Verb, sql,
+    Body, Change, Changes, Command, Deletions, Doing, Error, FileSizes, Options, Place, Purpose,
+    Reach, Recovered, Result, Row, SharedVerb, Signals, Statement, Sum, Tables, Tally, Verb, sql,
 };
 use crate::jobs::cancel::{self, Canceled, Deleted};
-use crate::jobs::claimed::{Claimed, FinishedChunk, Piece};
+use crate::jobs::claimed::{Claimed, Piece};
 use crate::jobs::naming;
 use crate::jobs::read::{self, Asked, Filter, LARGE, Page, StoredResult, Unfinished};
 use crate::jobs::submit::{Admission, NewJob, Submitted};
@@ -71,8 +70,8 @@ macro_rules! change {
 struct Reading<'a>(&'a Store, Purpose);
 
 impl Tables for Reading<'_> {
-    fn read(&mut self, statement: Statement, most: Most) -> Doing<'_, Vec<Row>> {
-        each!(self.0, db => Box::pin(db.read(self.1, statement, most)))
+    fn rows(&mut self, statement: Statement) -> Doing<'_, Vec<Row>> {
+        each!(self.0, db => Box::pin(db.read(self.1, statement)))
     }
 }
 
@@ -104,18 +103,12 @@ impl Store {
         change!(self, submit::submit, job)
     }
 
-    /// Accepts jobs of one key together with their computed answer, and finishes them in the same commit. `wall` is the
-    /// time that the computation took. If the result has been stored in the meantime, or a run is live, the jobs use
-    /// that instead.
-    pub fn record(
-        &self,
-        jobs: Vec<NewJob>,
-        answer: Answered,
-        wall: Duration,
-    ) -> Doing<'_, Vec<Submitted>> {
+    /// Accepts jobs of one key together with their computed answer, and finishes them in the same commit. If the result
+    /// has been stored in the meantime, or a run is live, the jobs use that instead.
+    pub fn record(&self, jobs: Vec<NewJob>, answer: Answered) -> Doing<'_, Vec<Submitted>> {
         let finished = |job| NewJob { admission: Admission::NoNewRun, ..job };
         let jobs: Vec<_> = jobs.into_iter().map(finished).collect();
-        change!(self, submit::record, (jobs, answer, wall))
+        change!(self, submit::record, (jobs, answer))
     }
 
     /// Claims the next queued run, or a piece of a study. See [`claim_up_to`](Self::claim_up_to).
@@ -230,23 +223,23 @@ impl Store {
     ///
     /// # Panics
     /// The worker has not claimed a chunk, or there is no memory for the compressor.
+    #[expect(clippy::expect_used, reason = "a chunk must not be lost silently")]
     pub fn finish_chunk<'a>(
         &'a self,
         claimed: &'a Claimed,
         bytes: &'a [u8],
         cost: Cost,
     ) -> Doing<'a, bool> {
-        change!(self, chunks::finish_chunk, FinishedChunk::new(claimed, bytes, cost))
+        assert!(matches!(claimed.piece, Piece::Chunk { .. }), "{:?} is no chunk", claimed.piece);
+        let body = Body::pack(bytes).expect("any bytes can be compressed");
+        change!(self, chunks::finish_chunk, (claimed.claim(), body, cost))
     }
 
     /// The stored data of a finished chunk; `None` if the study has ended.
     pub fn chunk<'a>(&'a self, claimed: &'a Claimed, number: u32) -> Doing<'a, Option<Bytes>> {
         Box::pin(async move {
-            let found = read::chunk(claimed.run, number, self.reading()).await?;
-            let Some((body, sum)) = found else { return Ok(None) };
-            let bytes = sum.is_of(&body).then(|| body.json().ok()).flatten();
-            let damaged = Error::DamagedChunk { key: claimed.key, number };
-            self.signals.counted(bytes.ok_or(damaged).map(Some))
+            let found = read::chunk(claimed, number, self.reading()).await?;
+            self.signals.counted(found.transpose())
         })
     }
 
@@ -258,10 +251,7 @@ impl Store {
         number: u32,
         of: u32,
     ) -> Doing<'a, Option<Bytes>> {
-        Box::pin(async move {
-            let found = read::canceled_chunk(&claimed.key, number, of, self.reading()).await?;
-            Ok(found.filter(|(body, sum)| sum.is_of(body)).and_then(|(body, _)| body.json().ok()))
-        })
+        Box::pin(read::canceled_chunk(&claimed.key, number, of, self.reading()))
     }
 
     /// The study of a job, if it is being computed or was canceled; `None` otherwise.
@@ -277,12 +267,7 @@ impl Store {
     ) -> Doing<'a, Vec<(u32, Bytes)>> {
         Box::pin(async move {
             let found = read::chunks(id, study, self.scanning()).await?;
-            let chunks = found.into_iter().map(|(number, body, sum)| {
-                let bytes = sum.is_of(&body).then(|| body.json().ok()).flatten();
-                let damaged = Error::DamagedChunk { key: study.key, number };
-                Ok((number, bytes.ok_or(damaged)?))
-            });
-            self.signals.counted(chunks.collect())
+            self.signals.counted(found.into_iter().collect())
         })
     }
 
@@ -504,7 +489,7 @@ impl Store {
     /// Begins a session of the browser that has sent this key. Returns its token, which cannot be read later.
     pub fn begin_session(&self, by: SignedIn) -> Doing<'_, String> {
         Box::pin(async move {
-            let token = sessions::token()?;
+            let token = keys::random::<32>()?;
             self.change(sessions::begin, (token.clone(), by)).await?;
             Ok(token)
         })

@@ -8,7 +8,7 @@ use fretwork_engine::{
 use serde::Serialize;
 use serde_json::{Map, Value};
 
-use super::{NoValue, Output, OutputName, Run};
+use super::{Output, OutputName, Run};
 use fretwork_json::{self as json, BadBody, Distinct, both, typed};
 
 /// Longest estimated time of an evaluation, in milliseconds.
@@ -125,8 +125,16 @@ impl Evaluation {
         let Self { case, outputs, parts, warnings, run, .. } = self;
         let run = run.get_or_insert_with(|| Run::new(case.clone(), needs_run, warnings.clone()));
         let ended = run.step()?;
-        let values = outputs.iter().map(|output| (output, ended.value(output)));
-        let mut found = Evaluated::of(values);
+        let mut found = Evaluated::default();
+        for output in outputs.iter() {
+            let name = || output.name().to_owned();
+            let value = ended.value(output);
+            found.outputs.insert(name(), value.ok().into());
+            found.units.insert(name(), output.unit().into());
+            if let Err(reason) = value {
+                found.reasons.insert(name(), reason.to_string().into());
+            }
+        }
         let Ok(outcome) = ended.found else {
             return Some(Evaluated { warnings: std::mem::take(warnings), ..found });
         };
@@ -144,22 +152,6 @@ impl Evaluation {
         found.accuracy = asked(EvaluationPart::Accuracy).then_some(outcome.accuracy);
         found.warnings = outcome.warnings;
         Some(found)
-    }
-}
-
-impl Evaluated {
-    /// The values, without tables and warnings.
-    fn of<'a>(values: impl Iterator<Item = (&'a Output, Result<f64, NoValue>)>) -> Self {
-        let mut found = Self::default();
-        for (output, value) in values {
-            let name = || output.name().to_owned();
-            found.outputs.insert(name(), value.ok().into());
-            found.units.insert(name(), output.unit().into());
-            if let Err(reason) = value {
-                found.reasons.insert(name(), reason.to_string().into());
-            }
-        }
-        found
     }
 }
 

@@ -28,7 +28,7 @@ pub use member::Member;
 pub use model::Model;
 pub use output::{NoValue, Output, OutputName};
 pub use plan::{Bars, Column, Hints, Kind, Offer, Regions, StudyFigure};
-use plan::{Cells, Findings, GoesOn, OrRun, Plan, Read, Tried};
+use plan::{Findings, GoesOn, OrRun, Plan, Read, Tried};
 pub use points::Points;
 use problem::small_members;
 pub use problem::{Found, Lack, Problem};

@@ -250,7 +250,7 @@ mod tests {
                     .find(|fault| fault.pointer == pointer)
                     .unwrap_or_else(|| panic!("{pointer} {scenario}"));
                 let expects = |it: &Dimension| quantity::parse("?", *it).as_ref() == Err(&detail);
-                let expected = Dimension::ALL.into_iter().find(expects);
+                let expected = Dimension::all().find(expects);
                 let dimension = Member::find(&scenario, &pointer).unwrap().dimension;
                 assert_eq!(dimension, expected.unwrap_or(Dimension::Number), "{pointer} {detail}");
                 known += usize::from(expected.is_some_and(|it| it != Dimension::Number));

@@ -290,59 +290,16 @@ pub trait Plan: fmt::Debug + Send + Sync {
     }
 }
 
-/// Notes and tables that follow from the rows of a study.
+/// Notes, tables and estimates that follow from the rows of a study.
 #[derive(Debug, Default)]
 pub struct Findings {
-    /// Remarks for readers of the study; `None` if the kind has no notes.
-    pub notes: Option<Vec<OutputNote>>,
-    /// Tables, by the names of their members in the document.
-    pub tables: Vec<(&'static str, NamedCells)>,
-    /// Other members of the document.
-    pub others: Vec<(&'static str, Value)>,
+    /// Members of the document, in their order.
+    pub members: Vec<(&'static str, Value)>,
     /// Additional columns at the end of the table of rows: their names, and their cells as JSON, separated by commas.
     pub beside: Vec<(&'static str, String)>,
 }
 
-/// The columns of a table, with their names.
-pub type NamedCells = Vec<(&'static str, Cells)>;
-
-/// The cells of a column.
-#[derive(Debug)]
-pub enum Cells {
-    /// Numbers in SI.
-    Numbers(Vec<Option<f64>>),
-    /// Words.
-    Texts(Vec<String>),
-}
-
-/// A remark about an output.
-#[derive(Debug, Serialize)]
-pub struct OutputNote {
-    /// The name of the output.
-    pub output: String,
-    /// The text of the remark.
-    pub detail: String,
-    /// The pointer of a number that varies, if the note is about one.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub member: Option<String>,
-}
-
-impl Findings {
-    /// The notes and the tables as members of the document.
-    pub(crate) fn members(&self) -> Map<String, Value> {
-        let cells = |cells: &Cells| match cells {
-            Cells::Texts(texts) => json!(texts),
-            Cells::Numbers(numbers) => {
-                numbers.iter().map(|number| json!(number.map(twelve_digits))).collect()
-            }
-        };
-        let notes = self.notes.iter().map(|notes| ("notes", json!(notes)));
-        let table = |(name, columns): &(&'static str, NamedCells)| {
-            let columns = columns.iter().map(|(name, own)| ((*name).to_owned(), cells(own)));
-            (*name, Value::Object(columns.collect()))
-        };
-        let tables = self.tables.iter().map(table);
-        let others = self.others.iter().map(|(name, value)| (*name, value.clone()));
-        notes.chain(tables).chain(others).map(|(name, value)| (name.to_owned(), value)).collect()
-    }
+/// A column of numbers in SI as JSON, with 12 digits.
+pub fn number_cells(cells: impl IntoIterator<Item = Option<f64>>) -> Value {
+    cells.into_iter().map(|cell| json!(cell.map(twelve_digits))).collect()
 }

@@ -289,7 +289,8 @@ impl Study {
             "counts": self.counts(&rows),
         });
         let findings = self.plan.findings(&self.problem, &rows, goes_on)?;
-        head.as_object_mut().expect("it is an object").extend(findings.members());
+        let members = findings.members.into_iter().map(|(name, value)| (name.to_owned(), value));
+        head.as_object_mut().expect("it is an object").extend(members);
         let mut text = String::with_capacity(rows.bytes() + self.head());
         text.push_str(&head.to_string());
         let end = text.pop().expect("an object ends with a brace");
@@ -390,7 +391,7 @@ fn change(value: &mut Value, new: fn(&Value) -> Option<Number>) {
 fn to_si(value: &Value) -> Option<Number> {
     let text = value.as_str()?;
     let parsed = |dimension| quantity::parse(text, dimension).ok();
-    Dimension::ALL.into_iter().find_map(parsed).and_then(Number::from_f64)
+    Dimension::all().find_map(parsed).and_then(Number::from_f64)
 }
 
 /// A number without a fraction as an integer.

@@ -51,12 +51,13 @@ impl OutputErrors {
 
     /// The share of the outputs whose stated error is at least as large as the true error.
     pub fn covered(&self) -> f64 {
-        self.0.iter().filter(|output| output.is_covered()).count() as f64 / self.0.len() as f64
+        let covered = self.0.iter().filter(|output| output.error <= output.stated);
+        covered.count() as f64 / self.0.len() as f64
     }
 
     /// The median of the ratio of the stated error to the true error.
     pub fn caution(&self) -> f64 {
-        quantile(self.0.iter().map(|output| output.caution()).collect(), 0.5)
+        quantile(self.0.iter().map(|output| output.stated / output.error).collect(), 0.5)
     }
 }
 

@@ -19,18 +19,6 @@ pub struct OutputError {
     pub stated: f64,
 }
 
-impl OutputError {
-    /// Whether the stated error is at least as large as the true error.
-    pub fn is_covered(self) -> bool {
-        self.error <= self.stated
-    }
-
-    /// The ratio of the stated error to the true error.
-    pub fn caution(self) -> f64 {
-        self.stated / self.error
-    }
-}
-
 /// The errors of one run, relative to the fine run.
 pub struct Deviation {
     /// Errors of the wear volume, one per output cycle.

@@ -119,7 +119,7 @@ fn ball(section: &mut Section) -> Option<()> {
     for (radius, along, across) in DIRECTIONS {
         for (direction, contact) in [("along", along), ("across", across)] {
             let what = format!("slip {direction} the motion at r = {radius} mm, µm");
-            section.report(what, CONTACT, contact, slip(radius)?);
+            section.check(what, CONTACT, contact, slip(radius)?, None);
         }
     }
     Some(())
@@ -229,14 +229,14 @@ fn gross_slip(section: &mut Section) -> Option<()> {
         let (volume, _) = worn.at(energy)?;
         differences.push(1e-4 * (volume - measured));
         let what = format!("V at {energy} J, 10⁴ µm³");
-        section.report(what, FOUVRY, 1e-4 * measured, 1e-4 * volume);
+        section.check(what, FOUVRY, 1e-4 * measured, 1e-4 * volume, None);
     }
     let count = differences.len() as f64;
     let mean = differences.iter().sum::<f64>() / count;
     let square = differences.iter().map(|difference| difference * difference).sum::<f64>();
     for (what, value) in [("mean", mean), ("root mean square", (square / count).sqrt())] {
         let what = format!("difference of V, {what}, 10⁴ µm³");
-        section.report(what, FOUVRY, 0.0, value);
+        section.check(what, FOUVRY, 0.0, value, None);
     }
     Some(())
 }
@@ -258,7 +258,7 @@ fn endurance(section: &mut Section) -> Option<()> {
         // The energy per area and cycle is thickness/(αN) on average, and the coating fails at its sum `critical`.
         let failed = critical * worn * COEFFICIENT / thickness;
         let what = format!("U = {stroke} µm: cycles until the coating is worn through");
-        section.report(what, FOUVRY, failed, worn);
+        section.check(what, FOUVRY, failed, worn, None);
     }
     Some(())
 }
@@ -289,8 +289,7 @@ fn cylinder(section: &mut Section) -> Option<()> {
             ("half-length, mm", half_length, worn.half_length[row], None),
         ] {
             let what = format!("N = {}: {what}", scar[0][0]);
-            let number = Check::reported(what, source, known, found);
-            section.checks.push(Check { accepted, ..number });
+            section.check(what, source, known, found, accepted);
         }
     }
     Some(())
@@ -319,15 +318,15 @@ fn titanium(section: &mut Section) -> Option<()> {
             section.checks.push(Check { expected, accepted: Some(next), ..check });
         }
         let what = format!("test {number}: N at {energy} J");
-        section.report(what, PETEGHEM, cycles, *history.cycles.last()?);
+        section.check(what, PETEGHEM, cycles, *history.cycles.last()?, None);
         let what = format!("test {number}: total depth, measured at {frequency} Hz, µm");
-        section.report(what, "Arnaud et al. 2021", measured, depth);
+        section.check(what, "Arnaud et al. 2021", measured, depth, None);
     }
     for test in &tests {
         let [number, cycles, _, stroke, energy, _] = test[..] else { return None };
         let what = format!("test {number}: 4μF(δ_g/2)N, J");
         let work = 4.0 * 0.6 * 8523.0 * 0.5e-6 * stroke * cycles;
-        section.report(what, PETEGHEM, energy, work);
+        section.check(what, PETEGHEM, energy, work, None);
     }
     Some(())
 }
@@ -355,10 +354,10 @@ fn apertures(section: &mut Section) -> Option<()> {
         ratios.push(found / energy);
         let (force, frequency) = (number(2)?, number(3)?);
         let what = format!("{name}: {force} N/mm, {frequency} Hz: ΣW, J");
-        section.report(what, APPENDIX, energy, found);
+        section.check(what, APPENDIX, energy, found, None);
     }
     let mean = ratios.iter().sum::<f64>() / ratios.len() as f64;
-    section.report("mean ratio of the energies", APPENDIX, 1.0, mean);
+    section.check("mean ratio of the energies", APPENDIX, 1.0, mean, None);
     Some(())
 }
 
@@ -376,7 +375,7 @@ fn coefficients(section: &mut Section) -> Option<()> {
         let sum = |of: fn(&[f64]) -> f64| points.iter().map(|point| of(point)).sum::<f64>();
         let slope = sum(|point| point[0] * point[1]) / sum(|point| point[0] * point[0]);
         let what = format!("{what}: α, µm³/J");
-        section.report(what, source, published, slope);
+        section.check(what, source, published, slope, None);
     }
     Some(())
 }

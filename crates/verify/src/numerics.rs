@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::known::{paraboloid, request, run};
-use super::page::{Check, Section, TitledSection};
+use super::page::{Section, TitledSection};
 use super::problem::{ContactProblem, at};
 use fretwork_engine::DEFAULT_TOLERANCE;
 use fretwork_engine::contact::control::Normal::Depth;
@@ -28,8 +28,7 @@ fn sums(section: &mut Section) -> Option<()> {
             let end = problem.states(law, &[16.0])?.pop()?;
             let what = format!("{}: {method}", problem.name);
             let value = end.worn_by_energy / end.worn.volume;
-            let number = Check::reported(what, "dV/dN = (k_w/μ)W", 1.0, value);
-            section.checks.push(Check { accepted, ..number });
+            section.check(what, "dV/dN = (k_w/μ)W", 1.0, value, accepted);
         }
     }
     Some(())

@@ -152,28 +152,17 @@ impl Section {
         section
     }
 
-    /// Adds a check with an accepted error.
+    /// Adds a check. Without an accepted error it cannot fail.
     pub fn check(
         &mut self,
         what: impl Into<String>,
         source: &'static str,
         reference: f64,
         value: f64,
-        accepted: f64,
+        accepted: impl Into<Option<f64>>,
     ) {
         let number = Check::reported(what, source, reference, value);
-        self.checks.push(Check { accepted: Some(accepted), ..number });
-    }
-
-    /// Adds a check without an accepted error.
-    pub fn report(
-        &mut self,
-        what: impl Into<String>,
-        source: &'static str,
-        known: f64,
-        found: f64,
-    ) {
-        self.checks.push(Check::reported(what, source, known, found));
+        self.checks.push(Check { accepted: accepted.into(), ..number });
     }
 
     /// The check with the largest ratio of error to accepted error.

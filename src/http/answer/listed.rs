@@ -2,13 +2,14 @@
 //! that a long list needs little memory.
 
 use std::fmt::Display;
-use std::future::Future;
 use std::io;
 
 use axum::body::Body;
 use axum::http::Uri;
 use axum::http::header::{CACHE_CONTROL, CONTENT_DISPOSITION, CONTENT_TYPE};
 use axum::response::{IntoResponse as _, Response};
+use futures_util::FutureExt as _;
+use futures_util::future::OptionFuture;
 use futures_util::stream::{self, StreamExt as _, TryStreamExt as _, try_unfold};
 use serde_json::Value;
 
@@ -64,14 +65,8 @@ where
 {
     let (rows, mut next) = read(from).await?;
     let (_, link) = next_page(uri, next.take_if(|_| !view.all));
-    let later = try_unfold(next, move |place| {
-        let page = place.map(|place| read(Some(place)));
-        async move {
-            match page {
-                Some(page) => page.await.map(Some),
-                None => Ok(None),
-            }
-        }
+    let later = try_unfold(next, move |place: Option<Place>| {
+        OptionFuture::from(place.map(|place| read(Some(place)))).map(Option::transpose)
     });
     // The status is already sent. A client notices that the end is missing.
     let broken = later.map_err(move |problem| {

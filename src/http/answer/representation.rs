@@ -6,16 +6,15 @@ use std::sync::Arc;
 use axum::http::header::{self, HeaderName};
 use axum::http::{HeaderMap, HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
-use tokio::task;
 use tokio::time::{Instant, timeout_at};
 use xxhash_rust::xxh3::xxh3_64;
 
-use super::stored::{Stored, missing, stored};
+use super::stored::{missing, stored};
 use super::text::Text;
 use crate::http::access::caller::Caller;
 use crate::http::app::App;
 use crate::http::memory::{Encoded, Lookup, Making};
-use crate::http::problem::{Complaint, Problem, Result, kinds};
+use crate::http::problem::{Complaint, Problem, Result, blocking, kinds};
 use crate::http::shares::{LargeDocument, Permit, documents_busy, longest_wait};
 use crate::http::wire::coding::{Coding, DECODER};
 use crate::http::wire::{ascii, words};
@@ -48,7 +47,7 @@ impl Representation {
             let tag = ["\"", &name, "\""].concat();
             (name, tag)
         } else {
-            let address = format!("{key}.{}.{}", part.name(), format.name());
+            let address = format!("{key}.{}.{}", part.as_str(), format.name());
             let name = format!("{address} {} {view:?}", format::VERSION);
             let tag = format!("\"{address}.{:016x}\"", xxh3_64(name.as_bytes()));
             (name, tag)
@@ -97,15 +96,15 @@ impl Representation {
         };
         // The result is read after the lookup, so that `Memory` does not keep the answer if it is deleted meanwhile.
         match stored(app, &self.key).await? {
-            None => Err(missing(app, &self.caller.reach(), &self.key).await),
-            Some(Stored::Large(size)) => {
+            Some(StoredResult::Large(size)) => {
                 drop(making);
                 self.large(app, coding, size).await
             }
-            Some(Stored::Small(body)) => match self.as_stored(&body, coding)? {
+            Some(StoredResult::Whole(body)) => match self.as_stored(&body, coding)? {
                 Some(answer) => Ok(Text::whole(app.memory.finish(making, answer, true))),
                 None => self.make(app, coding, making, body, None).await.map(Text::whole),
             },
+            _ => Err(missing(app, &self.caller.reach(), &self.key).await),
         }
     }
 
@@ -227,7 +226,7 @@ impl Representation {
             }
             Ok(app.memory.finish(making, answer, true))
         };
-        task::spawn_blocking(make).await.map_err(Problem::bug)?
+        blocking(make).await?
     }
 
     fn response(&self, text: Text) -> Response {
@@ -244,7 +243,7 @@ impl Representation {
             headers.insert(header::CONTENT_ENCODING, HeaderValue::from_static(coding));
         }
         if self.format.is_file() {
-            let (part, end) = (self.part.name(), self.format.name());
+            let (part, end) = (self.part.as_str(), self.format.name());
             let name = format!(
                 "attachment; filename=\"fretwork-{:.12}-{part}.{end}\"",
                 self.key.to_string()
@@ -299,7 +298,7 @@ pub fn refused(key: &Key, error: format::Error) -> Problem {
             Problem::parameters(items.into_iter().map(complaint).collect())
         }
         format::Error::OtherKind(part, has) => {
-            let part = part.name();
+            let part = part.as_str();
             let detail = format!(
                 "The result has no {part}, but it has {has}. The whole result is at /v1/results/{key}."
             );

@@ -1,49 +1,22 @@
 //! Stored results, and what requests read of them.
 
-use std::io;
-
 use axum::body::Bytes;
 use axum::http::header;
-use tokio::task;
 
 use crate::http::access::caller::Caller;
 use crate::http::app::App;
-use crate::http::problem::{Problem, Result, kinds};
-use crate::http::shares::{LargeDocument, longest_wait};
+use crate::http::problem::{Problem, Result, blocking, kinds};
+use crate::http::shares::{holding, longest_wait};
 use crate::http::wire::instant;
 use fretwork_job::Key;
 use fretwork_store::{Body, Error, Reach, StoredResult};
 
-/// A stored result.
-pub enum Stored {
-    /// The result, from memory or from the database.
-    Small(Body),
-    /// The result is large, and was not read. Its JSON has this many bytes.
-    Large(usize),
-}
-
-/// The JSON of a large result, which is in memory as long as the permission to have it there.
-struct Document {
-    json: Bytes,
-    _large: LargeDocument,
-}
-
-impl AsRef<[u8]> for Document {
-    fn as_ref(&self) -> &[u8] {
-        &self.json
-    }
-}
-
-/// A result; `None` if it is not stored.
-pub async fn stored(app: &App, key: &Key) -> Result<Option<Stored>> {
+/// A result, from memory or from the database. The body of a large result is not read.
+pub async fn stored(app: &App, key: &Key) -> Result<Option<StoredResult>> {
     if let Some(answer) = app.memory.get(&key.to_string()) {
-        return Ok(Some(Stored::Small(Body::of(answer.body))));
+        return Ok(Some(StoredResult::Whole(Body::of(answer.body))));
     }
-    Ok(match app.store.small_result(key).await? {
-        Some(StoredResult::Whole(body)) => Some(Stored::Small(body)),
-        Some(StoredResult::Large(size)) => Some(Stored::Large(size)),
-        Some(StoredResult::Evicted { .. }) | None => None,
-    })
+    Ok(app.store.small_result(key).await?)
 }
 
 /// Checks that a result is stored. Otherwise, returns the problem. The problem links to the job that computes the
@@ -60,20 +33,19 @@ pub async fn require(app: &App, reach: &Reach, key: &Key) -> Result<()> {
 pub async fn document(app: &App, caller: &Caller, key: &Key) -> Result<Bytes> {
     let damaged = |_| Error::DamagedResult(*key);
     match stored(app, key).await? {
-        Some(Stored::Small(body)) => {
+        Some(StoredResult::Whole(body)) => {
             app.store.was_read(key);
             return Ok(body.json().map_err(damaged)?);
         }
-        Some(Stored::Large(_)) => {}
-        None => return Err(missing(app, &caller.reach(), key).await),
+        Some(StoredResult::Large(_)) => {}
+        _ => return Err(missing(app, &caller.reach(), key).await),
     }
     let large = app.shares.large_document(longest_wait(), &caller.owner).await?;
     let Some(StoredResult::Whole(body)) = app.store.result(key).await? else {
         return Err(missing(app, &caller.reach(), key).await);
     };
     // The thread keeps the permission if the client disconnects.
-    let read = move || Ok(Bytes::from_owner(Document { json: body.json()?, _large: large }));
-    let json: io::Result<_> = task::spawn_blocking(read).await.map_err(Problem::bug)?;
+    let json = blocking(move || body.json().map(|json| holding(json, large))).await?;
     Ok(json.map_err(damaged)?)
 }
 

@@ -5,11 +5,10 @@ use std::fmt;
 use deserr::Deserr;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
-use tokio::task;
 use utoipa::ToSchema;
 
 use super::library::read;
-use crate::http::{App, Body, Caller, NoQuery, Problem, Result, kinds, schemas};
+use crate::http::{App, Body, Caller, NoQuery, Problem, Result, blocking, kinds, schemas};
 use fretwork_engine::{Faults, Given, QUANTITIES, Valid, scenario};
 use fretwork_job::{Canonical, ENGINE, Key, Outline, Prepared, TaskKind};
 use fretwork_json::both;
@@ -191,7 +190,7 @@ impl Side {
             return Err(Problem::from(Faults::one("/b", detail)));
         }
         let scenario = self.asked.value.clone();
-        let outline = task::spawn_blocking(move || {
+        blocking(move || {
             let last = scenario["cycles"].as_array().and_then(|cycles| cycles.last());
             let mut document = json!({ "kind": TaskKind::Run.word(), "scenario": scenario, "summary": { "cycles": last } });
             // A scenario of another engine version may be invalid here. Then its scales are unknown.
@@ -201,8 +200,8 @@ impl Side {
                 document["unworn"] = json!(preview.unworn);
             }
             Outline::of(&document)
-        });
-        outline.await.map_err(Problem::bug)
+        })
+        .await
     }
 }
 
@@ -257,8 +256,7 @@ fn asked(body: DiffBody) -> Valid<(Requested, Option<Requested>)> {
 pub async fn diff(app: App, caller: Caller, _: NoQuery, body: Body) -> Result<axum::Json<Diff>> {
     let _turn = app.shares.heavy.turn(&caller.owner).await;
     // Parsing a table of 10 000 rows would block the async thread.
-    let sides = task::spawn_blocking(move || asked(read(&body)?).map_err(Problem::from));
-    let (a, b) = sides.await.map_err(Problem::bug)??;
+    let (a, b) = blocking(move || asked(read(&body)?).map_err(Problem::from)).await??;
     let except = if let Requested::Key(key) = a { Some(key) } else { None };
     let a = Side::of(&app, a).await?;
     let mut remarks = Vec::new();

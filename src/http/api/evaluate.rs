@@ -5,13 +5,12 @@ use std::sync::Arc;
 use axum::Extension;
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
-use tokio::task;
 
 use super::scenarios::{Checked, checked, parse};
 use crate::http::api::documents;
 use crate::http::shares::{Permit, SMALL};
-use crate::http::{App, Body, Caller, FRESH_JSON, NoQuery, Problem, Result, kinds};
-use crate::service::{LARGEST_EVALUATION, LONGEST_EVALUATION, NotEvaluated};
+use crate::http::{App, Body, Caller, FRESH_JSON, NoQuery, Problem, Result, blocking, kinds};
+use crate::service::{LARGEST_EVALUATION, NotEvaluated};
 use fretwork_job::Prepared;
 use fretwork_json as json;
 use fretwork_study::{Evaluated, Evaluation};
@@ -21,30 +20,16 @@ pub const PATH: &str = "/v1/evaluate";
 
 impl From<NotEvaluated> for Problem {
     fn from(refusal: NotEvaluated) -> Self {
-        const JOB: &str = "Submit a job instead: POST /v1/jobs with the same scenario.";
-        let milliseconds = LONGEST_EVALUATION.as_millis();
-        let detail = match refusal {
-            NotEvaluated::TooLong(estimate) => format!(
-                "The run would take about {:.2} s; the limit of an evaluation is {milliseconds} ms. {JOB}",
-                estimate.as_secs_f64()
-            ),
-            NotEvaluated::TooLarge(bytes) => format!(
-                "The answer would have about {:.1} MB; the limit of an evaluation is {:.1} MB. Request \
-                 fewer `parts`, or profiles at fewer output cycles (`profiles_at`). {JOB}",
-                bytes as f64 / 1e6,
-                LARGEST_EVALUATION as f64 / 1e6,
-            ),
-            NotEvaluated::Stopped => format!(
-                "The run was estimated to take less than {milliseconds} ms, but it took much longer and was \
-                 stopped. {JOB}"
-            ),
-            NotEvaluated::Busy => {
-                let detail = "Other evaluations use all workers. Try again in a second.";
-                return Self::new(&kinds::EVALUATIONS_FULL, detail).retry_after(1);
+        match refusal {
+            NotEvaluated::TooLong(_) | NotEvaluated::TooLarge(_) | NotEvaluated::Stopped => {
+                let job = "Submit a job instead: POST /v1/jobs with the same scenario.";
+                Self::new(&kinds::TOO_EXPENSIVE, format!("{refusal} {job}"))
             }
-            NotEvaluated::Panicked => return Self::bug(refusal),
-        };
-        Self::new(&kinds::TOO_EXPENSIVE, detail)
+            NotEvaluated::Busy => {
+                Self::new(&kinds::EVALUATIONS_FULL, refusal.to_string()).retry_after(1)
+            }
+            NotEvaluated::Panicked => Self::bug(refusal),
+        }
     }
 }
 
@@ -54,7 +39,7 @@ impl From<NotEvaluated> for Problem {
 /// numbers are those of the result that a job has. Without `profiles` and `loops` in `parts`, none are computed.
 /// `check` alone needs no run, so the scenario may be of any length. Evaluations have a rate limit of their own.
 #[utoipa::path(post, path = "/v1/evaluate", operation_id = "evaluate", tag = "scenarios",
-    request_body(content = ref("#/components/schemas/EvaluateBody"), description = "The scenario, and what to \
+    request_body(content = documents::EvaluateBody, description = "The scenario, and what to \
         return.",
         examples(
             ("ball" = (summary = "Ball on a flat", value = json!({
@@ -121,8 +106,7 @@ pub(super) async fn fresh(
     let answer = if bytes <= SMALL {
         json::write(&answer, bytes)
     } else {
-        let written = task::spawn_blocking(move || json::write(&answer, bytes));
-        written.await.map_err(Problem::bug)?
+        blocking(move || json::write(&answer, bytes)).await?
     };
     permit.shrink(answer.len());
     let permit = permit.is_held().then(|| Extension(Arc::new(permit)));

@@ -9,7 +9,6 @@ use axum::http::{HeaderMap, HeaderName, StatusCode};
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use futures_util::{Stream, StreamExt as _, stream};
-use serde::Serialize;
 use serde_json::json;
 use tokio::time::sleep;
 
@@ -25,17 +24,6 @@ const KEEP_ALIVE: Duration = Duration::from_secs(15);
 
 /// A stream checks at this interval whether its session and its key are still valid. It also checks before each event.
 const CHECK_INTERVAL: Duration = Duration::from_secs(1);
-
-/// The data of a `state` event.
-#[derive(Serialize)]
-struct Changed {
-    state: JobState,
-    attempt: u32,
-    at: String,
-    /// The job, in the last event only.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    job: Option<JobAnswer>,
-}
 
 /// Follows a job with server-sent events until it is finished.
 ///
@@ -141,12 +129,14 @@ impl Follower {
         if is_first {
             events.extend(Event::default().event("snapshot").json_data(&answer));
         }
-        let mut answer = Some(answer);
         for change in new {
             self.seen += 1;
-            let job = if change.state.is_finished() { answer.take() } else { None };
             let at = instant(change.at);
-            let changed = Changed { state: change.state, attempt: change.attempt, at, job };
+            let mut changed = json!({"state": change.state, "attempt": change.attempt, "at": at});
+            // Only the last change ends the job.
+            if change.state.is_finished() {
+                changed["job"] = json!(answer);
+            }
             let event = Event::default().event("state").id(self.seen.to_string());
             events.extend(event.json_data(&changed));
         }

@@ -13,7 +13,6 @@ use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use serde_json::value::RawValue;
 use serde_json::{Map, Value};
-use tokio::task::spawn_blocking;
 use utoipa::ToSchema;
 
 use super::evaluate::fresh;
@@ -22,7 +21,8 @@ use crate::http::api::documents;
 use crate::http::api::parameters::OfJobs;
 use crate::http::wire::include::Include;
 use crate::http::{
-    App, Body, Caller, Complaint, NoQuery, Problem, Query, Result, Segment, kinds, schemas,
+    App, Body, Caller, Complaint, NoQuery, Problem, Query, Result, Segment, blocking, kinds,
+    schemas,
 };
 use fretwork_engine::{History, ResultUnits};
 use fretwork_job::{Job, JobId, JobState, Naming, Prepared, Task};
@@ -208,9 +208,9 @@ async fn study_so_far(app: &App, caller: &Caller, id: JobId) -> Result<Response>
         return Ok(StatusCode::NO_CONTENT.into_response());
     };
     let (key, task) = (stored.key, stored.task.clone());
-    let prepared = spawn_blocking(move || Prepared::from_stored(&key, &task)).await;
+    let prepared = blocking(move || Prepared::from_stored(&key, &task)).await?;
     // The version of the program that stored the task may have had other tasks.
-    let Ok(Prepared { task: Task::Study(study), .. }) = prepared.map_err(Problem::bug)? else {
+    let Ok(Prepared { task: Task::Study(study), .. }) = prepared else {
         return Ok(StatusCode::NO_CONTENT.into_response());
     };
     let share = f64::from(stored.done) / f64::from(stored.chunks);
@@ -218,7 +218,7 @@ async fn study_so_far(app: &App, caller: &Caller, id: JobId) -> Result<Response>
     // The chunks and the table are in memory at the same time.
     let permit = app.shares.answers.hold(&caller.owner, 2 * bytes).await?;
     let chunks = app.store.chunks_so_far(id, &stored).await?;
-    let made = spawn_blocking(move || {
+    let made = blocking(move || {
         let rows =
             |(number, bytes): (u32, Bytes)| Some((number as usize, Rows::from_bytes(&bytes)?));
         // A chunk of another version has another form.
@@ -227,7 +227,7 @@ async fn study_so_far(app: &App, caller: &Caller, id: JobId) -> Result<Response>
         let table = RawValue::from_string(table).map_err(Problem::bug)?;
         Ok::<_, Problem>(SoFar::Study(StudySoFar { units: study.units(), counts, table }))
     });
-    fresh(permit, bytes, made.await.map_err(Problem::bug)??).await
+    fresh(permit, bytes, made.await??).await
 }
 
 /// Changes the label, the tags and the privacy of a job.
@@ -236,7 +236,7 @@ async fn study_so_far(app: &App, caller: &Caller, id: JobId) -> Result<Response>
 /// and administrators change the rest.
 #[utoipa::path(patch, path = "/v1/jobs/{id}", operation_id = "rename_job", tag = "jobs",
     params(("id" = uuid::Uuid, Path, description = "The `id` of a job.")),
-    request_body(content = ref("#/components/schemas/Naming"), description = "What changes.",
+    request_body(content = documents::Naming, description = "What changes.",
         example = json!({"label": "Rig 7, third sample", "tags": ["rig-7"]})),
     responses(
         (status = 200, description = "The job after the change.", body = JobAnswer),

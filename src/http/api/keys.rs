@@ -167,7 +167,7 @@ pub async fn list(app: App, _: NoQuery) -> Result<Fresh<AccessKeys>> {
 /// The answer has the key, which the server cannot show again. On a server without keys, make the first one with `fretwork
 /// keys add`.
 #[utoipa::path(post, path = "/v1/keys", operation_id = "make_key", tag = "system",
-    request_body(content = ref("#/components/schemas/KeyBody"), description = "The key.",
+    request_body(content = KeyBody, description = "The key.",
         example = json!({"name": "anna", "role": "submit", "expires_in": "90d"})),
     responses(
         (status = 201, description = "The key.", body = CreatedKey),

@@ -314,7 +314,7 @@ pub async fn show_note(app: App, caller: Caller, key: Segment, _: NoQuery) -> Re
 /// holder of a key with private names replaces no other. A note stays for a year after the result was evicted or deleted.
 #[utoipa::path(put, path = "/v1/results/{key}/note", operation_id = "put_note", tag = "results",
     params(ResultKey, ("If-Match" = Option<String>, Header, description = "The `etag` of the note that the client has read.")),
-    request_body(content = ref("#/components/schemas/NoteBody"), description = "The note.",
+    request_body(content = NoteBody, description = "The note.",
         example = json!({"text": "Agrees with the rig of 2025-11."})),
     responses(
         (status = 204, description = "The note is stored."),

@@ -1,15 +1,15 @@
 //! Reads files of measured numbers. Nothing is stored.
 
+use axum::extract::Request;
 use axum::response::Response;
-use tokio::task;
 
 use super::evaluate::fresh;
 use crate::http::api::documents;
-use crate::http::transport::body::FileBody;
+use crate::http::transport::body::read_file;
 use crate::http::wire::schemas::{self, Prepare as PrepareWord, Up as UpWord};
-use crate::http::{App, Caller, Complaint, Problem, Query, Result, kinds};
+use crate::http::{App, Caller, Complaint, Problem, Query, Result, blocking, kinds};
 use fretwork_engine::Faults;
-use fretwork_measured::{ENDS, Prepare, Up, Wanted, ends};
+use fretwork_measured::{ENDS, Prepare, Wanted, ends};
 
 /// Bytes of the answer for each byte of the file.
 const ANSWER: usize = 8;
@@ -68,13 +68,12 @@ pub async fn read(
     app: App,
     caller: Caller,
     mut query: Query,
-    FileBody(body): FileBody,
+    request: Request,
 ) -> Result<Response> {
+    let body = read_file(request).await?;
     let (x, y) = (query.text("x"), query.text("y"));
-    let names = Prepare::NAMES.map(|(name, _)| name).join(", ");
-    let prepare = query.value("prepare", format!("one of {names}"), |text| {
-        Prepare::NAMES.into_iter().find(|(name, _)| *name == text)
-    });
+    let names = Prepare::ALL.map(Prepare::as_str).join(", ");
+    let prepare = query.value("prepare", format!("one of {names}"), |text| text.parse().ok());
     let table = query.value("table", "a number from 1 on", |text| text.parse().ok());
     let decimal = query.value("decimal", ". or ,", |text| {
         text.parse().ok().filter(|mark| ['.', ','].contains(mark))
@@ -82,20 +81,19 @@ pub async fn read(
     let mut is =
         |name| query.value(name, "true or false", |text| text.parse().ok()).unwrap_or(true);
     let (level, centre) = (is("level"), is("centre"));
-    let up = query
-        .value("up", "out or in", |text| Up::NAMES.into_iter().find(|(name, _)| *name == text));
+    let up = query.value("up", "out or in", |text| text.parse().ok());
     let scar = query.value("scar", ENDS, ends);
     query.finish()?;
     let bytes = ANSWER * body.bytes.len();
     let turn = app.shares.heavy.turn(&caller.owner).await;
     let permit = app.shares.answers.hold(&caller.owner, bytes).await?;
-    let prepare = prepare.map_or(Prepare::Points, |(_, prepare)| prepare);
-    let read = task::spawn_blocking(move || {
-        let (x, y, up) = (x.as_deref(), y.as_deref(), up.map(|(_, up)| up));
+    let prepare = prepare.unwrap_or(Prepare::Points);
+    let read = blocking(move || {
+        let (x, y) = (x.as_deref(), y.as_deref());
         let wanted = Wanted { x, y, table, decimal, prepare, level, centre, up, scar };
         fretwork_measured::read(&body.bytes, &wanted)
     });
-    let read = read.await.map_err(Problem::bug)?;
+    let read = read.await?;
     drop(turn);
     fresh(permit, bytes, read.map_err(|faults| refused(&faults))?).await
 }

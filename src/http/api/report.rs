@@ -3,7 +3,6 @@
 use axum::http::header::{CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE};
 use axum::response::{IntoResponse as _, Response};
 use serde_json::Value;
-use tokio::task;
 
 use super::results::either;
 use crate::http::access::LINK_HOLDER;
@@ -13,7 +12,7 @@ use crate::http::api::jobs::unverified;
 use crate::http::api::parameters::ResultKey;
 use crate::http::dashboard::report::{page, policy};
 use crate::http::{
-    App, Caller, Problem, Query, Result, Segment, instant, kinds, read_key, schemas,
+    App, Caller, Problem, Query, Result, Segment, blocking, instant, kinds, read_key, schemas,
 };
 use fretwork_format::report::{About, MOST, ReportedResult, content};
 use fretwork_job::{Job, JobId, Key};
@@ -61,12 +60,10 @@ pub async fn report(app: App, caller: Caller, key: Segment, mut query: Query) ->
         let result = document(&app, &caller, &key).await?;
         // Only one result is in memory at a time: what the report has of it is bounded.
         let read = move || ReportedResult::read(&result, &about, engineering, count);
-        let entry = task::spawn_blocking(read).await.map_err(Problem::bug)?;
-        entries.push(entry.map_err(|error| refused(&key, error))?);
+        entries.push(blocking(read).await?.map_err(|error| refused(&key, error))?);
     }
-    let made =
-        task::spawn_blocking(move || content(&entries, engineering, &[]).map(|own| page(&own)));
-    let html = made.await.map_err(Problem::bug)?.map_err(|error| refused(&first, error))?;
+    let made = blocking(move || content(&entries, engineering, &[]).map(|own| page(&own)));
+    let html = made.await?.map_err(|error| refused(&first, error))?;
     let headers = [(CONTENT_TYPE, "text/html; charset=utf-8"), (CACHE_CONTROL, "no-store")];
     Ok((headers, [(CONTENT_SECURITY_POLICY, policy())], html).into_response())
 }

@@ -14,7 +14,7 @@ use crate::http::answer::stored::require;
 use crate::http::api::parameters::{
     AtCycles, AtPoints, Copied, Numbers, OfFigure, OfTable, ResultKey,
 };
-use crate::http::wire::negotiation::choose_format;
+use crate::http::wire::negotiation::choose;
 use crate::http::{
     App, Caller, NoQuery, Problem, Query, Result, Segment, kinds, read_key, schemas,
 };
@@ -139,7 +139,7 @@ async fn answer(
     let mut view = view(&mut query, part);
     let format = match requested {
         Some(format) => Some(format).filter(|format| offered.contains(format)),
-        None => choose_format(headers, offered),
+        None => choose(headers, offered, Format::essence),
     };
     if view.records && part == Part::Whole {
         let parts = "/history, /profiles and /loops";
@@ -171,7 +171,7 @@ fn not_acceptable(key: &str, part: Part) -> Problem {
     let shown = |format: &Format| format!("{} (?format={})", format.essence(), format.name());
     let formats: Vec<_> = part.formats().iter().map(shown).collect();
     let detail = format!("This address offers the formats {}.", formats.join(", "));
-    let address = |part: Part| format!("/v1/results/{key}/{}?format=csv", part.name());
+    let address = |part: Part| format!("/v1/results/{key}/{}?format=csv", part.as_str());
     let addresses = Part::TABLES.map(address).join(", ");
     let detail = match part {
         Part::Whole => format!(

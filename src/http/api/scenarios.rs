@@ -4,12 +4,11 @@ use axum::http::HeaderMap;
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use serde_json::{Map, Value};
-use tokio::task;
 use utoipa::ToSchema;
 
 use crate::http::answer::fixed::fixed;
 use crate::http::api::documents;
-use crate::http::{App, Body, FRESH_JSON, NoQuery, Problem, Result, Segment, kinds};
+use crate::http::{App, Body, FRESH_JSON, NoQuery, Problem, Result, Segment, blocking, kinds};
 use fretwork_engine::{Preview, SCHEMA, Scenario, Warning};
 use fretwork_job::{Canonical, Key, Prepared, Submission, Task, TaskKind};
 use fretwork_json::{self as json, BadBody};
@@ -81,8 +80,7 @@ pub(super) async fn parse<T: Send + 'static>(
     if body.bytes.len() <= SMALL && !can_be_study(&body.bytes) {
         return Ok(parse(&body.bytes)?);
     }
-    let parsed = task::spawn_blocking(move || parse(&body.bytes));
-    Ok(parsed.await.map_err(Problem::bug)??)
+    Ok(blocking(move || parse(&body.bytes)).await??)
 }
 
 /// What is known of a task that is not computed.
@@ -185,8 +183,7 @@ struct CheckedLinks {
 /// state, the limiting state of wear, warnings and the estimated cost; for a study the key, its canonical form, its
 /// columns and what it takes. `excess` says which limit of this server it exceeds.
 #[utoipa::path(post, path = "/v1/scenarios", operation_id = "check_scenario", tag = "scenarios",
-    request_body(content = ref("#/components/schemas/JobBody"), description = "The job \
-        body."),
+    request_body(content = documents::JobBody, description = "The job body."),
     responses((status = 200, description = "The scenario or study is valid.", body = Checked)),
 )]
 pub async fn check(app: App, _: NoQuery, body: Body) -> Result<Response> {
@@ -211,8 +208,8 @@ pub(super) async fn checked(app: &App, prepared: Prepared) -> Result<Checked> {
     Ok(match task {
         Task::Run(run) => {
             // The limiting state takes a few milliseconds to compute.
-            let computed = task::spawn_blocking(move || (Preview::of(&run.1), run.0.clone()));
-            let (preview, scenario) = computed.await.map_err(Problem::bug)?;
+            let (preview, scenario) =
+                blocking(move || (Preview::of(&run.1), run.0.clone())).await?;
             let run = CheckedRun { key, cached, scenario, preview, warnings, time, excess, links };
             Checked::Run(Box::new(run))
         }

@@ -25,8 +25,8 @@ use crate::http::answer::stored::{document, require};
 use crate::http::memory::models::AnyModel;
 use crate::http::problem::kinds::Kind;
 use crate::http::shares::Turn;
-use crate::http::transport::body::{AnyBody, Counted};
-use crate::http::{App, Caller, FRESH_JSON, Problem, Result, problem};
+use crate::http::transport::body::{Counted, read_any};
+use crate::http::{App, Caller, FRESH_JSON, Problem, Result, blocking, problem};
 use crate::service::Unable;
 use fretwork_engine::{Faults, Valid};
 use fretwork_job::Key;
@@ -149,7 +149,7 @@ impl FromRequest<App> for Called {
 
     async fn from_request(mut request: Request, app: &App) -> Result<Self> {
         let Ok(caller) = request.extract_parts::<Caller>().await;
-        let AnyBody(body) = AnyBody::from_request(request, app).await?;
+        let body = read_any(request).await?;
         let turn = app.shares.evaluations.turn(&caller.owner).await;
         let mut call = Call::read(&body.bytes)?;
         let config = call.config.take();
@@ -352,8 +352,7 @@ async fn likelihood_of(
     }
     let fit = document(app, caller, &key).await?;
     // This waits for no worker, because other requests may wait for the document.
-    let model =
-        tokio::task::spawn_blocking(move || Likelihood::read(&fit)).await.map_err(Problem::bug)?;
+    let model = blocking(move || Likelihood::read(&fit)).await?;
     let model =
         Arc::new(model.map_err(|why| bad_input(format!("The fit has no likelihood: {why}.")))?);
     app.models.insert(key.to_string(), AnyModel::Likelihood(Arc::clone(&model)));
@@ -370,8 +369,8 @@ async fn info() -> Response {
     answer(&json!({"protocolVersion": 1.0, "models": NAMES}))
 }
 
-async fn model_info(AnyBody(body): AnyBody) -> Result<Response> {
-    Call::read(&body.bytes)?;
+async fn model_info(request: Request) -> Result<Response> {
+    Call::read(&read_any(request).await?.bytes)?;
     Ok(answer(&json!({"support": {
         "Evaluate": true, "Gradient": true, "ApplyJacobian": true, "ApplyHessian": false,
     }})))
@@ -422,8 +421,8 @@ async fn apply_jacobian(mut called: Called) -> Result<Response> {
     called.weighted(point, weights, sums, |output, _| output).await
 }
 
-async fn apply_hessian(AnyBody(body): AnyBody) -> Result<Response> {
-    Call::read(&body.bytes)?;
+async fn apply_hessian(request: Request) -> Result<Response> {
+    Call::read(&read_any(request).await?.bytes)?;
     let message = "The model has no Hessian. Use differences of its gradient.";
     Err(Problem::new(&UNSUPPORTED_FEATURE, message))
 }

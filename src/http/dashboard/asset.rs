@@ -8,12 +8,11 @@ use axum::http::header::{
 };
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
-use tokio::task::spawn_blocking;
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::http::answer::representation::held;
 use crate::http::wire::coding::Coding;
-use crate::http::{Problem, Result, kinds};
+use crate::http::{Problem, Result, blocking, kinds};
 
 /// The files of some pages. They are made, with all their codings, at the first request.
 pub struct Assets {
@@ -30,7 +29,7 @@ impl Assets {
         let all = match LazyLock::get(&self.all) {
             Some(all) => all,
             // The first call compresses the files, which takes tens of milliseconds.
-            None => spawn_blocking(|| LazyLock::force(&self.all)).await.map_err(Problem::bug)?,
+            None => blocking(|| LazyLock::force(&self.all)).await?,
         };
         let asset = all.iter().find(|asset| asset.name == name);
         let none = || Problem::new(&kinds::NOT_FOUND, self.none);

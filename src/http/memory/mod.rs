@@ -16,7 +16,7 @@ use quick_cache::sync::{Cache, DefaultLifecycle};
 use quick_cache::{DefaultHashBuilder, OptionsBuilder, Weighter};
 use tokio::sync::{Notify, OwnedMutexGuard};
 
-use crate::http::shares::{Permit, get_or_insert};
+use crate::http::shares::{Permit, get_or_insert, holding};
 use crate::http::wire::coding::Coding;
 use fretwork_job::Key;
 use fretwork_store::Deletions;
@@ -93,21 +93,9 @@ impl Weighter<String, Encoded> for EncodedSize {
     }
 }
 
-/// Bytes that keep their slot alive, so that other requests find them there.
-struct SharedBytes {
-    body: Bytes,
-    _slot: Arc<Slot>,
-}
-
-impl AsRef<[u8]> for SharedBytes {
-    fn as_ref(&self) -> &[u8] {
-        &self.body
-    }
-}
-
+/// An answer whose bytes keep its slot alive, so that other requests find them there.
 fn share(answer: &Encoded, slot: &Arc<Slot>) -> Encoded {
-    let shared = SharedBytes { body: answer.body.clone(), _slot: Arc::clone(slot) };
-    Encoded { body: Bytes::from_owner(shared), ..answer.clone() }
+    Encoded { body: holding(answer.body.clone(), Arc::clone(slot)), ..answer.clone() }
 }
 
 impl Memory {

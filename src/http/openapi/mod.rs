@@ -144,8 +144,9 @@ pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
 
 /// Copies the definitions of the schema of scenarios into the components, and the schema itself.
 fn adopt_scenario(schemas: &mut Map<String, Value>) {
-    let mut root: Map<String, Value> = parsed(&SCHEMA);
-    root.values_mut().for_each(redirect);
+    // References within the schema become references to the components.
+    let schema = SCHEMA.replace("\"#/$defs/", "\"#/components/schemas/");
+    let mut root: Map<String, Value> = parsed(&schema);
     root.retain(|name, _| !["$schema", "$id"].contains(&&**name));
     if let Some(Value::Object(definitions)) = root.remove("$defs") {
         schemas.extend(definitions);
@@ -160,20 +161,6 @@ fn add_units(schema: &mut Value) {
         let unit = if unit == "1" { String::new() } else { format!(" Unit: {unit}.") };
         let meaning = member["description"].as_str().unwrap_or_default().trim_end_matches('.');
         member["description"] = format!("{meaning}.{unit}").into();
-    }
-}
-
-/// Changes references within a schema file to references to the components.
-fn redirect(schema: &mut Value) {
-    match schema {
-        Value::String(target) => {
-            if let Some(name) = target.strip_prefix("#/$defs/") {
-                *target = format!("#/components/schemas/{name}");
-            }
-        }
-        Value::Object(members) => members.values_mut().for_each(redirect),
-        Value::Array(items) => items.iter_mut().for_each(redirect),
-        _ => {}
     }
 }
 

@@ -15,6 +15,7 @@ use axum::http::header::{CACHE_CONTROL, CONTENT_LENGTH, CONTENT_TYPE};
 use axum::http::{HeaderName, HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
+use tokio::task::spawn_blocking;
 use utoipa::ToSchema;
 
 use fretwork_engine::{Fault, Faults};
@@ -74,6 +75,14 @@ pub struct Problem {
 
 /// The result of a handler, and of everything that a handler calls.
 pub type Result<T, E = Problem> = std::result::Result<T, E>;
+
+/// Does work that would block the async thread on another thread.
+///
+/// # Errors
+/// The work panics, which is a bug.
+pub async fn blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T> {
+    spawn_blocking(work).await.map_err(Problem::bug)
+}
 
 /// Every error, as the server writes it (RFC 9457).
 #[derive(Debug, Serialize, ToSchema)]

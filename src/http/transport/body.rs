@@ -26,13 +26,6 @@ const PATIENCE: Duration = Duration::from_secs(10);
 /// values.
 pub struct Body(pub Counted);
 
-/// A request body of any content type. It holds memory for its bytes only: calls of UM-Bridge take turns, so only a few
-/// trees exist at the same time.
-pub struct AnyBody(pub Counted);
-
-/// A request body with a file of measured numbers, of any content type. It holds memory for its bytes and for the columns.
-pub struct FileBody(pub Counted);
-
 /// Memory for each byte of a file of measured numbers, in bytes. Two bytes can become a number in a column, which takes 16,
 /// and in the prepared table, which takes 32 but has only two columns.
 const OF_FILE: usize = 12;
@@ -69,32 +62,24 @@ impl<S: Sync> FromRequest<S> for Body {
     }
 }
 
-impl<S: Sync> FromRequest<S> for AnyBody {
-    type Rejection = Problem;
-
-    async fn from_request(request: Request, _: &S) -> Result<Self> {
-        read_counted(request, |bytes| tree_bytes(bytes).map(|_| 0)).await.map(Self)
-    }
+/// Reads a body of any content type. It holds memory for its bytes only: calls of UM-Bridge take turns, so only a few
+/// trees exist at the same time.
+pub async fn read_any(request: Request) -> Result<Counted> {
+    read_counted(request, |bytes| tree_bytes(bytes).map(|_| 0)).await
 }
 
-impl<S: Sync> FromRequest<S> for FileBody {
-    type Rejection = Problem;
-
-    async fn from_request(request: Request, _: &S) -> Result<Self> {
-        read_counted(request, |bytes| Ok(OF_FILE * bytes.len())).await.map(Self)
-    }
+/// Reads a body with a file of measured numbers, of any content type. It holds memory for its bytes and for the columns.
+pub async fn read_file(request: Request) -> Result<Counted> {
+    read_counted(request, |bytes| Ok(OF_FILE * bytes.len())).await
 }
 
 /// Reads a body. Reserves memory for its bytes, and for what they become.
+#[expect(clippy::expect_used, reason = "the layer around all routes adds the shares")]
 async fn read_counted(request: Request, tree: fn(&[u8]) -> Result<usize>) -> Result<Counted> {
     let caller = owner_of(request.extensions());
-    let shares = request.extensions().get::<Arc<Shares>>().cloned();
-    let (bytes, body) = read(request, shares.as_deref(), &caller).await?;
-    let tree = tree(&bytes)?;
-    let tree = match shares {
-        Some(shares) => shares.trees.hold(&caller, tree).await?,
-        None => Permit::default(),
-    };
+    let shares = request.extensions().get::<Arc<Shares>>().expect("each request has them").clone();
+    let (bytes, body) = read(request, &shares, &caller).await?;
+    let tree = shares.trees.hold(&caller, tree(&bytes)?).await?;
     Ok(Counted { bytes, _body: body, _tree: tree })
 }
 
@@ -105,11 +90,7 @@ fn is_json(media_type: &str) -> bool {
 }
 
 /// Reads a body up to [`BODY_LIMIT`], if it arrives in time.
-async fn read(
-    request: Request,
-    shares: Option<&Shares>,
-    caller: &str,
-) -> Result<(Vec<u8>, Permit)> {
+async fn read(request: Request, shares: &Shares, caller: &str) -> Result<(Vec<u8>, Permit)> {
     let too_large = || {
         let advice = "Remove rows from long tables in it.";
         let detail = format!("The body has more than {BODY_LIMIT} bytes. {advice}");
@@ -147,9 +128,7 @@ async fn read(
         if length > room {
             // A body of unknown length gets memory for the longest possible body.
             room = if declared > 0 { declared } else { BODY_LIMIT };
-            if let Some(shares) = shares {
-                permit = shares.bodies.hold(caller, room).await?;
-            }
+            permit = shares.bodies.hold(caller, room).await?;
             bytes.reserve_exact(room - bytes.len());
         }
         bytes.extend_from_slice(&data);

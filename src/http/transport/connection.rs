@@ -16,7 +16,7 @@ use http_body::{Frame, SizeHint};
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::sync::Notify;
 
-use crate::http::shares::Permit;
+use crate::http::shares::{Permit, holding};
 
 /// Minimum number of bytes per second with which a client must read its answer and send its body.
 pub const SLOWEST: u64 = 4 << 10;
@@ -24,29 +24,18 @@ pub const SLOWEST: u64 = 4 << 10;
 /// Maximum number of seconds by which a client can be ahead of [`SLOWEST`].
 const EARLIEST: f64 = 10.0;
 
-/// The time limits of a connection.
-struct Patience {
-    /// The time between two checks of a connection.
-    look: Duration,
-    /// Maximum time for the head of a request, from its first byte on. The first request of a connection must come
-    /// within this time.
-    head: Duration,
-    /// Maximum time without a request.
-    idle: Duration,
-    /// Maximum time by which a client can be behind [`SLOWEST`] while it reads an answer.
-    slow: Duration,
-    /// Maximum time without any byte during a request. This must be longer than the longest wait for a job.
-    silent: Duration,
-}
-
-const PATIENCE: Patience = Patience {
-    look: Duration::from_secs(5),
-    head: Duration::from_secs(10),
-    // This is longer than the time for which reverse proxies keep an idle connection, mostly a minute.
-    idle: Duration::from_mins(2),
-    slow: Duration::from_secs(20),
-    silent: Duration::from_mins(2),
-};
+/// The time between two checks of a connection.
+const LOOK: Duration = Duration::from_secs(5);
+/// Maximum time for the head of a request, from its first byte on. The first request of a connection must come
+/// within this time.
+const HEAD: Duration = Duration::from_secs(10);
+/// Maximum time without a request. This is longer than the time for which reverse proxies keep an idle connection,
+/// mostly a minute.
+const IDLE: Duration = Duration::from_mins(2);
+/// Maximum time by which a client can be behind [`SLOWEST`] while it reads an answer.
+const SLOW: Duration = Duration::from_secs(20);
+/// Maximum time without any byte during a request. This must be longer than the longest wait for a job.
+const SILENT: Duration = Duration::from_mins(2);
 
 /// The requests and the bytes of one connection. The socket counts the bytes, and each request counts itself.
 #[derive(Debug)]
@@ -118,9 +107,9 @@ impl Activity {
         loop {
             tokio::select! {
                 () = self.displaced.notified() => return "another connection needs its place",
-                () = tokio::time::sleep(PATIENCE.look) => {}
+                () = tokio::time::sleep(LOOK) => {}
             }
-            if let Some(reason) = seen.look(self, &PATIENCE) {
+            if let Some(reason) = seen.look(self) {
                 return reason;
             }
         }
@@ -156,14 +145,14 @@ struct Seen {
 
 impl Seen {
     /// Checks a connection. Returns the reason if the connection must be closed.
-    fn look(&mut self, activity: &Activity, patience: &Patience) -> Option<&'static str> {
+    fn look(&mut self, activity: &Activity) -> Option<&'static str> {
         let passed = |is: bool, before: Duration| {
-            if is { before + patience.look } else { Duration::ZERO }
+            if is { before + LOOK } else { Duration::ZERO }
         };
         let (sent, received) = (activity.sent.load(Relaxed), activity.received.load(Relaxed));
         let owes = activity.owes();
         let taken = (sent - self.sent) as f64 / SLOWEST as f64;
-        let late = (self.late + patience.look.as_secs_f64() - taken).max(-EARLIEST);
+        let late = (self.late + LOOK.as_secs_f64() - taken).max(-EARLIEST);
         let is_silent = (sent, received) == (self.sent, self.received);
         let idle = activity.idle();
         let is_partial = received > activity.received_before.load(Relaxed)
@@ -177,13 +166,13 @@ impl Seen {
             silent: passed(is_silent && idle.is_none(), self.silent),
             unfinished: passed(is_unfinished, self.unfinished),
         };
-        if self.late >= patience.slow.as_secs_f64() {
+        if self.late >= SLOW.as_secs_f64() {
             Some("the client takes its answer too slowly")
-        } else if self.unfinished >= patience.head {
+        } else if self.unfinished >= HEAD {
             Some("the head of the request is late")
-        } else if self.silent >= patience.silent {
+        } else if self.silent >= SILENT {
             Some("the connection is silent")
-        } else if idle.is_some_and(|idle| idle >= patience.idle) {
+        } else if idle.is_some_and(|idle| idle >= IDLE) {
             Some("the connection is idle")
         } else {
             None
@@ -258,10 +247,8 @@ pub struct AnswerBody {
     body: Body,
     /// The part of the present frame that is not in a piece yet.
     rest: Bytes,
-    /// Number of bytes of the answer that are not in a piece yet. It is 0 for an event stream, because its length is
-    /// not known.
-    owed: u64,
-    guard: Arc<Guard>,
+    /// What is not in a piece yet. It has 0 bytes for an event stream, because its length is not known.
+    owed: Owed,
 }
 
 /// The request and the memory that an answer occupies until all of its bytes were sent.
@@ -270,22 +257,15 @@ struct Guard {
     _permit: Option<Arc<Permit>>,
 }
 
-/// Bytes of an answer. hyper drops them after it has sent them.
-struct Piece {
-    bytes: Bytes,
-    owed: u64,
+/// A number of bytes of an answer that are not sent yet.
+struct Owed {
+    bytes: u64,
     guard: Arc<Guard>,
 }
 
-impl AsRef<[u8]> for Piece {
-    fn as_ref(&self) -> &[u8] {
-        &self.bytes
-    }
-}
-
-impl Drop for Piece {
+impl Drop for Owed {
     fn drop(&mut self) {
-        self.guard.request.0.owed.fetch_sub(self.owed, Relaxed);
+        self.guard.request.0.owed.fetch_sub(self.bytes, Relaxed);
     }
 }
 
@@ -297,20 +277,20 @@ impl AnswerBody {
         request: Arc<OpenRequest>,
         permit: Option<Arc<Permit>>,
     ) -> Self {
-        let owed = length.unwrap_or(0);
-        request.0.owed.fetch_add(owed, Relaxed);
+        let bytes = length.unwrap_or(0);
+        request.0.owed.fetch_add(bytes, Relaxed);
         let guard = Arc::new(Guard { request, _permit: permit });
-        Self { body, rest: Bytes::new(), owed, guard }
+        Self { body, rest: Bytes::new(), owed: Owed { bytes, guard } }
     }
 
-    /// The next piece of the present frame.
+    /// The next piece of the present frame. hyper drops it after it has sent it.
     fn piece(&mut self) -> Bytes {
         /// Size of a piece, in bytes. Most results fit into one piece.
         const SIZE: usize = 256 << 10;
         let bytes = self.rest.split_to(self.rest.len().min(SIZE));
-        let owed = (bytes.len() as u64).min(self.owed);
-        self.owed -= owed;
-        Bytes::from_owner(Piece { bytes, owed, guard: Arc::clone(&self.guard) })
+        let owed = (bytes.len() as u64).min(self.owed.bytes);
+        self.owed.bytes -= owed;
+        holding(bytes, Owed { bytes: owed, guard: Arc::clone(&self.owed.guard) })
     }
 }
 
@@ -343,12 +323,6 @@ impl HttpBody for AnswerBody {
     }
 }
 
-impl Drop for AnswerBody {
-    fn drop(&mut self) {
-        self.guard.request.0.owed.fetch_sub(self.owed, Relaxed);
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use http_body_util::BodyExt as _;
@@ -356,20 +330,12 @@ mod tests {
 
     use super::*;
 
-    const HASTE: Patience = Patience {
-        look: Duration::from_secs(1),
-        head: Duration::from_secs(2),
-        idle: Duration::from_secs(4),
-        slow: Duration::from_secs(3),
-        silent: Duration::from_secs(5),
-    };
-
     /// The number of checks after which a connection is closed, and the reason. `each` is called before each check.
     fn closed(activity: &Activity, mut each: impl FnMut()) -> Option<(usize, &'static str)> {
         let mut seen = Seen::default();
-        (1..=20).find_map(|looks| {
+        (1..=30).find_map(|looks| {
             each();
-            seen.look(activity, &HASTE).map(|reason| (looks, reason))
+            seen.look(activity).map(|reason| (looks, reason))
         })
     }
 
@@ -400,9 +366,9 @@ mod tests {
         assert_eq!(closed(&activity, alive), None, "the server computes");
         let mut body = AnswerBody::new(Body::from(vec![0; 1 << 20]), Some(1 << 20), request, None);
         let slow = "the client takes its answer too slowly";
-        assert_eq!(closed(&activity, alive), Some((5, slow)));
+        assert_eq!(closed(&activity, alive), Some((6, slow)));
         let steady = || {
-            activity.sent.fetch_add(SLOWEST, Relaxed);
+            activity.sent.fetch_add(SLOWEST * LOOK.as_secs(), Relaxed);
         };
         assert_eq!(closed(&activity, steady), None);
         // The number of unsent bytes of an event stream is not known, but a client that does not read blocks its
@@ -421,14 +387,14 @@ mod tests {
         drop(pieces);
         assert!(activity.idle().is_some() && !activity.owes());
         activity.blocked.store(true, Relaxed);
-        assert_eq!(closed(&activity, alive), Some((5, slow)));
+        assert_eq!(closed(&activity, alive), Some((6, slow)));
     }
 
     #[test]
     fn a_connection_without_any_bytes_during_a_request_is_closed() {
         let activity = Arc::new(Activity::new());
         let _request = activity.begin(Version::HTTP_2);
-        assert_eq!(closed(&activity, || ()), Some((5, "the connection is silent")));
+        assert_eq!(closed(&activity, || ()), Some((24, "the connection is silent")));
     }
 
     #[tokio::test]

@@ -4,7 +4,6 @@ use axum::http::header::ACCEPT;
 use axum::http::{HeaderMap, HeaderName};
 
 use super::words;
-use fretwork_format::Format;
 
 /// The items of a list header with their weights (RFC 9110, 12.4.2).
 pub fn weighted(headers: &HeaderMap, name: HeaderName) -> Vec<(&str, f64)> {
@@ -23,11 +22,6 @@ pub fn preferred<T: Copy>(offered: &[T], weight: impl Fn(T) -> f64) -> Option<T>
     let weighted = offered.iter().rev().map(|item| (*item, weight(*item)));
     let accepted = weighted.filter(|(_, weight)| *weight > 0.0);
     accepted.max_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(item, _)| item)
-}
-
-/// Chooses one of the offered formats by the header `Accept`; the first is the default.
-pub fn choose_format(headers: &HeaderMap, offered: &[Format]) -> Option<Format> {
-    choose(headers, offered, Format::essence)
 }
 
 /// Chooses one of the offered items by the header `Accept` and their media types; the first is the default.
@@ -61,10 +55,11 @@ mod tests {
     use axum::http::HeaderValue;
 
     use super::*;
+    use fretwork_format::Format;
 
     fn accept(value: &'static str, offered: &[Format]) -> Option<Format> {
         let headers = HeaderMap::from_iter([(ACCEPT, HeaderValue::from_static(value))]);
-        choose_format(&headers, offered)
+        choose(&headers, offered, Format::essence)
     }
 
     #[test]

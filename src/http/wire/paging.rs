@@ -5,7 +5,7 @@ use std::fmt::Display;
 use axum::http::{HeaderMap, HeaderName, Uri, header};
 
 use super::Query;
-use super::negotiation::choose_format;
+use super::negotiation::choose;
 use fretwork_format::Format;
 
 /// Reads `limit` from the query: the maximum number of entries of a page.
@@ -39,7 +39,7 @@ impl ListView {
     /// Reads the parameters. A page of JSON has `default` entries if the client sets no limit, and at most `most`.
     pub fn take(query: &mut Query, headers: &HeaderMap, [default, most]: [u32; 2]) -> Self {
         const OFFERED: [Format; 2] = [Format::Json, Format::Csv];
-        let format = query.format(&OFFERED).or_else(|| choose_format(headers, &OFFERED));
+        let format = query.format(&OFFERED).or_else(|| choose(headers, &OFFERED, Format::essence));
         if format.is_some_and(|format| !OFFERED.contains(&format)) {
             query.complain("format", "must be \"json\" or \"csv\" for a list");
         }

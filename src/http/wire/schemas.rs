@@ -197,7 +197,7 @@ documented! {
     /// The curves of a run, or of a sweep.
     EitherCurves kept_in_a_file();
     /// What becomes of two columns of a file.
-    Prepare words(Preparation::NAMES.map(|(name, _)| name));
+    Prepare words(Preparation::ALL.map(Preparation::as_str));
     /// Where the heights of a trace point.
-    Up words(Upwards::NAMES.map(|(name, _)| name));
+    Up words(Upwards::ALL.map(Upwards::as_str));
 }

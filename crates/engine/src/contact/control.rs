@@ -144,11 +144,6 @@ impl Control {
         Self { normal, blocks: Arc::new([block]) }
     }
 
-    /// The case of the paper: indentation depth and amplitude are constant.
-    pub fn paper(threshold: f64) -> Self {
-        Self::constant(Normal::Depth, Held::Threshold, threshold)
-    }
-
     /// What the first block holds, and all others hold in another size.
     pub fn held(&self) -> &Held {
         &self.blocks[0].held

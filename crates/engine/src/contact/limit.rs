@@ -29,7 +29,7 @@
 use std::f64::consts::FRAC_2_PI;
 
 use super::{Geometry, Shape};
-use crate::numeric::{Bracket, integrate, integrate_pieces, maximum, root};
+use crate::numeric::{integrate, integrate_pieces, maximum, root, root_between};
 
 /// Maximum scar radius, in a₀, in gross slip at constant force. Further out the shape is unknown,
 /// because the scar is much larger than the unworn contact.
@@ -149,11 +149,7 @@ impl Limit {
             inner = outer;
             outer = (outer + step(outer)).min(shape.extent());
         }
-        let mut bracket = Bracket::new((inner, wear(inner)), (outer, wear(outer)));
-        while let Some(r) = bracket.next().filter(|_| bracket.width() > SCAR_DIGITS) {
-            bracket.narrow(r, wear(r));
-        }
-        bracket.found()
+        root_between(SCAR_DIGITS, (inner, wear(inner)), (outer, wear(outer)), wear)
     }
 }
 
@@ -186,6 +182,7 @@ pub(crate) fn step(geometry: Geometry, height: f64, c: f64, (chord, angle): (f64
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::contact::Flank;
     use std::f64::consts::{FRAC_PI_2, PI, SQRT_2};
 
     #[test]
@@ -258,11 +255,11 @@ mod tests {
             (Shape::power(6.0), 0.8),
             (Shape::sphere(2.5), 0.4),
             (Shape::power(2.0), 0.999),
-            (Shape::truncated_paraboloid(0.4), 0.6),
-            (Shape::truncated_paraboloid(0.4), 0.400_001),
-            (Shape::truncated_paraboloid(0.9), 0.0),
-            (Shape::truncated_cone(0.2), 0.0),
-            (Shape::truncated_cone(0.7), 0.9),
+            (Shape::truncated(Flank::Paraboloid, 0.4), 0.6),
+            (Shape::truncated(Flank::Paraboloid, 0.4), 0.400_001),
+            (Shape::truncated(Flank::Paraboloid, 0.9), 0.0),
+            (Shape::truncated(Flank::Cone, 0.2), 0.0),
+            (Shape::truncated(Flank::Cone, 0.7), 0.9),
         ] {
             let limit = Limit::solve(&shape, c).expect("a root");
             // w∞ has a square root at c: r = c + width·s² removes it.

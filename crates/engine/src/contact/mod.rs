@@ -30,4 +30,5 @@ pub use limit::{DEEPEST, Limit, WIDEST};
 pub use profile::Shape;
 pub use reference::Series;
 pub use row::{SpringRow, Sums, UnwornSums};
+pub use truncated::Flank;
 pub use unworn::{Contact, Decay, Regime};

@@ -276,6 +276,7 @@ impl SpringRow {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::contact::Flank;
 
     use super::super::hysteresis::Loop;
 
@@ -292,8 +293,8 @@ mod tests {
             (Shape::power(1.0), 0.3),
             (Shape::power(4.0), 0.9),
             (Shape::sphere(2.0), 0.5),
-            (Shape::truncated_paraboloid(0.4), 0.9),
-            (Shape::truncated_paraboloid(0.4), 1.2),
+            (Shape::truncated(Flank::Paraboloid, 0.4), 0.9),
+            (Shape::truncated(Flank::Paraboloid, 0.4), 1.2),
             (Shape::power(2.0), 1.0),
             (Shape::power(2.0), 3.0),
         ] {

@@ -29,24 +29,15 @@ pub(super) struct TrueImage {
     images: Vec<f64>,
 }
 
-/// The rings of contact around a core, in the units of the table.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Rings {
-    /// The radius at which the core ends.
-    pub(super) core: f64,
-    /// The radius at which the first ring begins.
-    pub(super) begin: f64,
-    /// The load of the rings, ∫ (d − g)₊ dx outside the core.
-    pub(super) load: f64,
-}
-
 impl TrueImage {
     pub(super) fn new(nodes: &[f64], images: impl Iterator<Item = f64>) -> Self {
         Self { nodes: nodes.to_vec(), images: images.collect() }
     }
 
-    /// The rings at a depth. `None` if the springs outside the core carry no load.
-    pub(super) fn rings(&self, depth: f64) -> Option<Rings> {
+    /// The rings of contact at a depth, in the units of the table: the radius at which the core ends, the radius at which
+    /// the first ring begins, and the load of the rings, ∫ (d − g)₊ dx outside the core. `None` if the springs outside the
+    /// core carry no load.
+    pub(super) fn rings(&self, depth: f64) -> Option<(f64, f64, f64)> {
         let first = self.images.iter().position(|image| *image >= depth)?;
         let at = |i: usize| {
             // The radius between the nodes i − 1 and i at which the image is equal to the depth.
@@ -59,7 +50,7 @@ impl TrueImage {
         let load = (next..self.nodes.len())
             .map(|i| positive_area([self.nodes[i - 1], self.nodes[i]], compressions(i)))
             .sum();
-        Some(Rings { core: at(first), begin: at(next), load })
+        Some((at(first), at(next), load))
     }
 
     /// The falling parts of the image outside the radius `radius`, in units of `radius` and
@@ -208,10 +199,10 @@ mod tests {
 
     #[test]
     fn the_ring_behind_a_hump_begins_where_the_image_falls_below_the_depth() {
-        let rings = hump().rings(1.25).expect("a ring");
-        assert!((rings.core - 0.625).abs() < 1e-15 && (rings.begin - 1.5).abs() < 1e-15);
+        let (core, begin, load) = hump().rings(1.25).expect("a ring");
+        assert!((core - 0.625).abs() < 1e-15 && (begin - 1.5).abs() < 1e-15);
         // Two triangles of the height 0.75 and the lengths 0.5 and 0.375.
-        assert!((rings.load - 0.375 * 0.875).abs() < 1e-15);
+        assert!((load - 0.375 * 0.875).abs() < 1e-15);
         assert_eq!(hump().rings(0.4), None);
         assert_eq!(hump().rings(3.0), None);
     }

@@ -28,7 +28,7 @@ use super::pieces::{
 };
 use super::rising::{FALL, increasing};
 use super::smoothing::{Smoothed, grouped, smoothed};
-use super::splits::{Falls, NEGLECTED, Rings, TrueImage};
+use super::splits::{Falls, NEGLECTED, TrueImage};
 use crate::numeric::{maximum, root};
 
 /// Minimum number of nodes of the image.
@@ -379,7 +379,7 @@ impl PressedTable {
         if self.table.geometry == Geometry::Line {
             return None;
         }
-        let Rings { core, begin, load } = self.table.true_image.rings(self.depth)?;
+        let (core, begin, load) = self.table.true_image.rings(self.depth)?;
         let share = load / (self.radius * self.depth * self.half_force());
         let length = self.table.length;
         let split = Split { core: core * length, begin: begin * length, share };

@@ -1,8 +1,7 @@
 //! The two integral transforms of the method of dimensionality reduction (MDR).
 //!
-//! [`inverse`] evaluates (4) for a function. [`Kernels`] evaluates (4) and the pressure for sampled
-//! wear. Abel integrals are convolutions in x². On the mesh τ = (x² − c²)/(ã² − c²) = (i/n)³ their
-//! matrices therefore depend on n only.
+//! [`Kernels`] evaluates (4) and the pressure for sampled wear. Abel integrals are convolutions in
+//! x². On the mesh τ = (x² − c²)/(ã² − c²) = (i/n)³ their matrices therefore depend on n only.
 //!
 //! # Equations
 //! ```text
@@ -12,11 +11,11 @@
 //! ```
 //!
 //! # Accuracy
-//! [`inverse`] is exact to rounding for smooth functions, and to 1e-10 for |x|ⁿ, n ≥ 1. For smooth
-//! wear, [`Kernels`] converges with order 2 in 1/n (3e-5 of d₀ at n = 200). The pressure converges
-//! with order 3/2, because its integrand is a piecewise constant slope. The cubic grading resolves the
-//! jump of the image at the stick edge. With quadratic grading the wear next to the stick edge is ten
-//! times less accurate late in a run. With quartic grading the mesh is coarse at the edge of the scar.
+//! For smooth wear, [`Kernels`] converges with order 2 in 1/n (3e-5 of d₀ at n = 200). The pressure
+//! converges with order 3/2, because its integrand is a piecewise constant slope. The cubic grading
+//! resolves the jump of the image at the stick edge. With quadratic grading the wear next to the stick
+//! edge is ten times less accurate late in a run. With quartic grading the mesh is coarse at the edge
+//! of the scar.
 //!
 //! # Sources
 //! V. L. Popov, M. Heß, *Method of Dimensionality Reduction in Contact Mechanics and Friction*
@@ -24,28 +23,9 @@
 //! for Volterra Equations* (1985), §8.
 
 use std::collections::VecDeque;
-use std::f64::consts::{FRAC_2_PI, FRAC_PI_2};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use crate::numeric::{dot, integrate};
-
-/// The profile f(r) that has the image `image(x)`, (4).
-///
-/// # Examples
-/// ```
-/// // The image g = x² has the profile f = r²/2.
-/// let f = fretwork_engine::contact::transform::inverse(|x| x * x, 0.6);
-/// assert!((f - 0.18).abs() < 1e-14);
-/// ```
-pub fn inverse(image: impl Fn(f64) -> f64, r: f64) -> f64 {
-    FRAC_2_PI * quarter_circle(|sine| image(r * sine))
-}
-
-/// ∫ f(sin θ) dθ over a quarter circle, graded towards θ = 0, where f may not be smooth.
-fn quarter_circle(f: impl Fn(f64) -> f64) -> f64 {
-    let theta = |s: f64| FRAC_PI_2 * s * s * s;
-    3.0 * FRAC_PI_2 * integrate(0.0, 1.0, |s| s * s * f(libm::sin(theta(s))))
-}
+use crate::numeric::dot;
 
 const TWO_THIRDS: f64 = 2.0 / 3.0;
 /// Number of mesh sizes in the cache. The matrices of 512 cells take 2 MB.
@@ -193,7 +173,7 @@ fn not_empty<'a>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::f64::consts::PI;
+    use std::f64::consts::{FRAC_2_PI, PI};
 
     /// Error of the sampled inverse of h = x² − c² (closed form: (r²/2 − c²)·(2/π)ψ + c√(r²−c²)/π).
     fn inverse_error(cells: usize) -> f64 {

@@ -24,8 +24,10 @@ use crate::numeric::{integrate, root};
 
 /// The shape outside the flat.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Flank {
+pub enum Flank {
+    /// A paraboloid.
     Paraboloid,
+    /// A cone.
     Cone,
 }
 
@@ -45,15 +47,14 @@ fn chord(x: f64, b: f64) -> f64 {
 }
 
 impl Truncated {
-    /// A paraboloid with a flat of radius 0 < β < 1.
-    pub(super) fn paraboloid(flat: f64) -> Self {
-        Self { flank: Flank::Paraboloid, flat, scale: 1.0 / chord(1.0, flat) }
-    }
-
-    /// A cone with a flat of radius 0 < β < 1.
-    pub(super) fn cone(flat: f64) -> Self {
-        let scale = 1.0 / libm::atan2(chord(1.0, flat), flat);
-        Self { flank: Flank::Cone, flat, scale }
+    /// A paraboloid or a cone with a flat of radius 0 < β < 1.
+    pub(super) fn new(flank: Flank, flat: f64) -> Self {
+        let chord = chord(1.0, flat);
+        let scale = match flank {
+            Flank::Paraboloid => 1.0 / chord,
+            Flank::Cone => 1.0 / libm::atan2(chord, flat),
+        };
+        Self { flank, flat, scale }
     }
 
     /// The kinks of the image: only β.

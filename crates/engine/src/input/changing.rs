@@ -76,14 +76,6 @@ impl Changing {
         Self::Table(ChangeTable { over, at, values })
     }
 
-    /// The number, if the coefficient is constant.
-    pub fn constant(&self) -> Option<f64> {
-        match self {
-            Self::Constant(value) => Some(*value),
-            Self::Table(_) => None,
-        }
-    }
-
     /// The coefficient times `factor`, rounded to 12 digits.
     pub(crate) fn times(&self, factor: f64) -> Self {
         let product = |value: &f64| twelve_digits(value * factor);

@@ -84,14 +84,6 @@ pub(super) fn within(
     Err(Faults::at(location, detail))
 }
 
-/// A number in SI units within a range.
-pub trait RangedQuantity {
-    /// The dimension of its units.
-    const DIMENSION: Dimension;
-    /// Smallest and largest accepted value in SI.
-    const RANGE: (f64, f64);
-}
-
 /// What the schema of a scenario says of a quantity.
 #[derive(Debug, Clone, Copy)]
 pub struct Described {
@@ -129,13 +121,10 @@ macro_rules! quantities {
             pub const RANGE: (f64, f64) = $range;
         }
 
-        impl RangedQuantity for $name {
-            const DIMENSION: Dimension = Dimension::$dimension;
-            const RANGE: (f64, f64) = $range;
-        }
-
         $(impl PerLength for $name {
+            const DIMENSION: Dimension = Dimension::$dimension;
             const PER_LENGTH: Dimension = Dimension::$per_length;
+            const RANGE: (f64, f64) = $range;
         })?
 
         impl From<$name> for f64 {
@@ -223,9 +212,13 @@ impl<T: Deserr<Faults> + Into<f64>> Deserr<Faults> for Rounded<T> {
 }
 
 /// A quantity of a contact that a line contact can also state per length.
-pub trait PerLength: RangedQuantity {
+pub trait PerLength {
+    /// The dimension of the quantity.
+    const DIMENSION: Dimension;
     /// The dimension of the quantity per length.
     const PER_LENGTH: Dimension;
+    /// Smallest and largest accepted value in SI.
+    const RANGE: (f64, f64);
 }
 
 /// The total of a force or stiffness over the length of the contact, rounded to 12 digits. The text of a request can
@@ -257,10 +250,11 @@ impl<T: PerLength> Deserr<Faults> for Total<T> {
     }
 }
 
-impl<T: PerLength> Total<T> {
-    /// Multiplies a quantity per length by the length of the contact. A round contact has no length.
-    pub(super) fn multiply(&mut self, length: Option<f64>) -> Valid<()> {
-        let Self(x, per_length @ true, _) = self else { return Ok(()) };
+impl<T: PerLength> Given<Total<T>> {
+    /// Multiplies the quantity of the member `place`, if it is given per length, by the length of the contact. A round
+    /// contact has no length.
+    pub(super) fn multiply(&mut self, length: Option<f64>, place: &str, faults: &mut Faults) {
+        let Some(Total(x, per_length @ true, _)) = &mut self.0 else { return };
         let what = T::DIMENSION.name();
         let Some(length) = length else {
             let detail = format!(
@@ -268,20 +262,12 @@ impl<T: PerLength> Total<T> {
                 T::PER_LENGTH.name(),
                 T::DIMENSION.si()
             );
-            return Err(Faults::one("", detail));
+            faults.add(place, detail);
+            return;
         };
         *x = twelve_digits(*x * length);
         *per_length = false;
-        derived(*x, T::RANGE, &format!("{what} of"), T::DIMENSION.si(), "")
-    }
-}
-
-impl<T: PerLength> Given<Total<T>> {
-    /// Multiplies the quantity of the member `place`, if it is given, by the length of the contact.
-    pub(super) fn multiply(&mut self, length: Option<f64>, place: &str, faults: &mut Faults) {
-        if let Some(total) = &mut self.0 {
-            faults.keep(place, total.multiply(length));
-        }
+        faults.keep("", derived(*x, T::RANGE, &format!("{what} of"), T::DIMENSION.si(), place));
     }
 }
 

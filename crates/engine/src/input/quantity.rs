@@ -118,15 +118,9 @@ fn power_of_ten(symbol: &str) -> i32 {
 
 impl Dimension {
     /// All dimensions, in the order of the table.
-    pub const ALL: [Self; DIMENSIONS.len()] = {
-        let mut all = [Number; DIMENSIONS.len()];
-        let mut place = 0;
-        while place < all.len() {
-            all[place] = DIMENSIONS[place].0;
-            place += 1;
-        }
-        all
-    };
+    pub fn all() -> impl Iterator<Item = Self> {
+        DIMENSIONS.into_iter().map(|(dimension, ..)| dimension)
+    }
 
     /// The dimension of the quantity per length, in which a line contact can state it.
     pub fn per_length(self) -> Option<Self> {
@@ -256,7 +250,7 @@ fn factor(unit: &str, dimension: Dimension) -> Result<f64, String> {
         return Err(format!("a plain number is needed, without a unit. Remove {unit:?}"));
     }
     let accepted = dimension.accepted();
-    match Dimension::ALL.into_iter().find(|other| find(*other).is_some()) {
+    match Dimension::all().find(|other| find(*other).is_some()) {
         Some(other) => Err(format!(
             "{unit:?} is the unit of {}, but {} is needed. Accepted units: {accepted}",
             other.name(),
@@ -428,10 +422,10 @@ mod tests {
     #[test]
     fn every_unit_belongs_to_one_dimension_beside_those_per_length() {
         let per_length = |dimension| matches!(dimension, ForcePerLength | StiffnessPerLength);
-        for dimension in Dimension::ALL {
+        for dimension in Dimension::all() {
             for unit in dimension.units() {
                 let text = format!("1 {unit}");
-                let owners = Dimension::ALL.into_iter().filter(|it| parse(&text, *it).is_ok());
+                let owners = Dimension::all().filter(|it| parse(&text, *it).is_ok());
                 let owners: Vec<_> = owners.collect();
                 // A study reads texts without knowing their dimension.
                 for owner in &owners {

@@ -24,7 +24,7 @@ use crate::input::Valid;
 use crate::numeric::integrate_beyond;
 use crate::scenario::{Scenario, Warning};
 pub use crate::solver::events::EVENTS;
-use crate::solver::events::EventKind;
+use crate::solver::events::{EventKind, WornThrough};
 
 /// The properties of a scenario that are known without a run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -194,18 +194,7 @@ pub struct OutcomeEvent {
     pub kind: EventKind,
     /// The layer that is worn through.
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
-    pub layer: Option<WornLayer>,
-}
-
-/// A layer that is worn through.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct WornLayer {
-    /// The index of the body; 0 is the body with the profile.
-    pub body: usize,
-    /// The index of the layer, from the surface inwards.
-    pub layer: usize,
-    /// The radius at which it is worn through.
-    pub radius: f64,
+    pub layer: Option<WornThrough>,
 }
 
 /// The accuracy of the numbers. It does not contain the errors of the theory. For a Poisson's ratio other than 0, local slip and

@@ -22,7 +22,7 @@ use serde::Serialize;
 
 use crate::contact::profile::kappa;
 use crate::contact::table_shape::{PressedTable, Split, TableShape};
-use crate::contact::{Contact, DEEPEST, Geometry, Shape, WIDEST};
+use crate::contact::{Contact, DEEPEST, Flank, Geometry, Shape, WIDEST};
 use crate::input::{Faults, Profile, TableProfile, Valid};
 use crate::numeric::root;
 
@@ -76,7 +76,7 @@ fn line_load(n: f64) -> f64 {
 /// A truncated shape with a flat tip of radius b. The steepness is 1/R or tan θ.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Flat {
-    conical: bool,
+    flank: Flank,
     steepness: f64,
     tip: f64,
 }
@@ -90,14 +90,14 @@ impl Flat {
     /// Indentation depth d from `rim` = √(a²−b²).
     fn depth(self, rim: f64) -> f64 {
         let radius = self.contact_radius(rim);
-        let width = if self.conical { libm::atan2(rim, self.tip) } else { rim };
+        let width = if self.flank == Flank::Cone { libm::atan2(rim, self.tip) } else { rim };
         self.steepness * radius * width
     }
 
     /// `rim` = √(a²−b²) at an indentation depth.
     fn rim_at(self, depth: f64) -> f64 {
         let product = depth / self.steepness;
-        if self.conical {
+        if self.flank == Flank::Cone {
             // a·arccos(b/a) = d/tan θ is at least √(a²−b²), so it is an upper bound of the root.
             return root(0.0, product, |rim| self.depth(rim) - depth);
         }
@@ -110,7 +110,7 @@ impl Flat {
     fn rim_under(self, force: f64) -> f64 {
         let (b, product) = (self.tip, force / self.steepness);
         let load = |rim: f64| {
-            if self.conical {
+            if self.flank == Flank::Cone {
                 (b * b + rim * rim) * libm::atan2(rim, b) + b * rim
             } else {
                 2.0 / 3.0 * (3.0 * b * b + 2.0 * rim * rim) * rim
@@ -118,7 +118,7 @@ impl Flat {
         };
         // The force is at least the force of the sharp shape, and at least the force of the flat alone. Each of the two
         // gives an upper bound of the root.
-        let most = if self.conical {
+        let most = if self.flank == Flank::Cone {
             product.sqrt().min(product / b)
         } else {
             libm::cbrt(0.75 * product).min(product / (2.0 * b * b))
@@ -158,11 +158,11 @@ impl ProfileForm {
             Profile::Sphere(ball) => Self::Sphere { radius: ball.radius.0 },
             Profile::TruncatedParaboloid(ball) => {
                 let (steepness, tip) = (1.0 / ball.radius.0, ball.flat_radius.0);
-                Self::Flat(Flat { conical: false, steepness, tip })
+                Self::Flat(Flat { flank: Flank::Paraboloid, steepness, tip })
             }
             Profile::TruncatedCone(cone) => {
                 let (steepness, tip) = (libm::tan(cone.slope_angle.0), cone.flat_radius.0);
-                Self::Flat(Flat { conical: true, steepness, tip })
+                Self::Flat(Flat { flank: Flank::Cone, steepness, tip })
             }
             Profile::Table(table) => Self::Table(SmoothTable::through(table)?),
             Profile::CrossedCylinders(cylinders) => {
@@ -392,12 +392,7 @@ pub(super) fn indent(indenter: &Indenter, depth: f64) -> Option<(f64, Shape)> {
             if 1.0 - share < NARROWEST_RING {
                 return None;
             }
-            let shape = if flat.conical {
-                Shape::truncated_cone(share)
-            } else {
-                Shape::truncated_paraboloid(share)
-            };
-            Some((radius, shape))
+            Some((radius, Shape::truncated(flat.flank, share)))
         }
         ProfileForm::Table(ref table) => {
             let (radius, pressed) = PressedTable::new(&table.shape, depth, false)?;

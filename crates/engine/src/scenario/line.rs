@@ -23,16 +23,16 @@ const LEAST_COMPLIANCE: f64 = 0.1;
 
 /// Checks that the reference is outside of the contact, and that a loop is not stiffer than the contact.
 fn check_reference(reference: Reference, pressed: &UnwornContact) -> Valid<()> {
-    let most = pressed.force / (LEAST_COMPLIANCE * pressed.depth);
+    let most = pressed.scales.force() / (LEAST_COMPLIANCE * pressed.scales.indentation_depth);
     match reference {
         Reference::Distance { reference_distance: distance, .. }
-            if distance < NEAREST * pressed.contact_radius =>
+            if distance < NEAREST * pressed.scales.contact_radius =>
         {
             let detail = format!(
                 "is {distance:e} m, but the half-width of the contact is {:.4e} m. Enter at least {NEAREST} \
                  times as much: the distance from the middle of the contact to the place of the displacement \
                  sensor",
-                pressed.contact_radius
+                pressed.scales.contact_radius
             );
             Err(Faults::one("/motion/reference_distance", detail))
         }
@@ -56,7 +56,7 @@ pub(super) fn resolve(motion: &Motion, pressed: &UnwornContact) -> Valid<Canonic
     let moves = if let Some(Blocks(blocks)) = &motion.blocks.0 {
         Moves::Blocks(merged(blocks))
     } else if let Some(sliding) = motion.sliding_amplitude.0 {
-        let least = LEAST_SLIDING * pressed.most_friction * pressed.depth;
+        let least = LEAST_SLIDING * pressed.most_friction * pressed.scales.indentation_depth;
         if sliding.0 < least {
             let detail = format!(
                 "is {:.4e} m. Below {least:.4e} m the elastic displacement of the surface matters, so the stroke \
@@ -89,7 +89,7 @@ fn check(motion: &CanonicalMotion, pressed: &UnwornContact) -> Valid<()> {
     for (pointer, moves) in parts(motion) {
         let (_, threshold) = motion.held(&moves, pressed)?;
         if matches!(moves, Moves::TangentialForce(_)) && threshold >= 1.0 - LEAST_MARGIN {
-            let most = pressed.friction * pressed.force;
+            let most = pressed.scales.friction * pressed.scales.force();
             let detail = format!(
                 "is {:.6e} N, but friction carries at most μF = {most:.6e} N. Enter a smaller tangential force, or \
                      `sliding_amplitude` for gross slip",
@@ -139,6 +139,6 @@ fn force_at(ratio: f64, pressed: &UnwornContact) -> Valid<f64> {
         );
         return Err(Faults::one("/motion/stick_ratio", detail));
     }
-    let most = pressed.friction * pressed.force;
+    let most = pressed.scales.friction * pressed.scales.force();
     Ok(twelve_digits(most * (1.0 - pressed.shape.image(ratio))))
 }

@@ -239,19 +239,6 @@ impl CanonicalModel {
             }
         }
     }
-
-    fn method(self) -> Method {
-        match self {
-            Self::Simplified { xi, .. } => Method::Simplified { xi },
-            Self::Exact { xi, tolerance, .. } => Method::Exact { tolerance, compare: xi },
-        }
-    }
-
-    fn points(self) -> u16 {
-        match self {
-            Self::Simplified { points, .. } | Self::Exact { points, .. } => points,
-        }
-    }
 }
 
 /// Parses and checks a scenario. `prefix`, for example `/scenario`, is added before the pointer of
@@ -289,7 +276,7 @@ impl Scenario {
         let profile = Indenter::new(&request.profile)?;
         let load = canonical_load(request, &profile, moduli.normal)?;
         let contact = UnwornContact::new(&profile, &load, moduli, &friction)?;
-        let resolve = if contact.length.is_some() { line::resolve } else { round::resolve };
+        let resolve = if contact.scales.length.is_some() { line::resolve } else { round::resolve };
         let motion = resolve(&request.motion, &contact)?;
         let (control, _, unit) = motion.control(&contact, wear.first())?;
         let (cycles, profiles_at) = canonical_cycles(request, &motion, unit)?;
@@ -329,17 +316,7 @@ impl Scenario {
         let (control, amplitude, unit) = self.motion.control(&contact, wear_coefficient)?;
         let threshold = control.blocks[0].threshold;
         let reference = self.motion.series(&contact);
-        let scales = Scales {
-            contact_radius: contact.contact_radius,
-            indentation_depth: contact.depth,
-            cycles: unit,
-            amplitude,
-            normal_modulus: self.moduli.normal,
-            tangential_modulus: self.moduli.tangential.unwrap_or(f64::NAN),
-            friction: contact.friction,
-            wear_coefficient,
-            length: self.profile.length(),
-        };
+        let scales = Scales { cycles: unit, amplitude, wear_coefficient, ..contact.scales };
         let outgrown = || self.profile.outgrown(scales.indentation_depth, threshold);
         let contact = Contact {
             reference,
@@ -348,7 +325,12 @@ impl Scenario {
             ..Contact::new(contact.shape, threshold).ok_or_else(outgrown)?
         };
         let tends_to = control.tends_to(&contact);
-        let method = self.model.method();
+        let (method, points) = match self.model {
+            CanonicalModel::Simplified { xi, points } => (Method::Simplified { xi }, points),
+            CanonicalModel::Exact { xi, tolerance, points, .. } => {
+                (Method::Exact { tolerance, compare: xi }, points)
+            }
+        };
         let horizon = self.motion.end().unwrap_or(LAST_CYCLE) / unit;
         let problem = WearProblem { contact: &contact, control: &control, law: method.law() };
         let expected = |energy| case::time_of(problem, energy, horizon);
@@ -369,7 +351,7 @@ impl Scenario {
             share: self.wear.share(),
             scales,
             method,
-            points: usize::from(self.model.points()),
+            points: usize::from(points),
             profiles: with_profiles(&outputs, &self.profiles_at),
             outputs,
         };

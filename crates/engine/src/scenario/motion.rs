@@ -122,7 +122,7 @@ impl CanonicalMotion {
                 Ok((Held::Record(Arc::new(record)), threshold))
             }
             Moves::SlidingAmplitude(amplitude) => {
-                Ok((Held::Sliding(amplitude / pressed.slip), 1.0))
+                Ok((Held::Sliding(amplitude / pressed.scales.slip()), 1.0))
             }
             Moves::TangentialForce(force) => pressed.under_force(*force),
             Moves::LoopAperture(aperture) => {
@@ -130,7 +130,7 @@ impl CanonicalMotion {
             }
             Moves::Amplitude(amplitude) => Ok(match (self.series(pressed), self.reference) {
                 (Some(series), _) => {
-                    let stroke = amplitude / pressed.slip;
+                    let stroke = amplitude / pressed.scales.slip();
                     (Held::Stroke(stroke), series.threshold(&pressed.shape, stroke).0)
                 }
                 (None, Some(Reference::Rig { rig_stiffness })) => {
@@ -152,27 +152,29 @@ impl CanonicalMotion {
             }
             _ => None,
         };
-        if pressed.length.is_none() {
+        let slip = pressed.scales.slip();
+        if pressed.scales.length.is_none() {
             // An amplitude in the request is taken without rounding.
             let of_contact = given.filter(|_| self.reference.is_none());
-            return of_contact.unwrap_or(threshold * pressed.slip);
+            return of_contact.unwrap_or(threshold * slip);
         }
         let series = self.series(pressed);
-        let stroke = |series: Series| series.stroke(&pressed.shape, threshold) * pressed.slip;
+        let stroke = |series: Series| series.stroke(&pressed.shape, threshold) * slip;
         let mut stroke = given.unwrap_or_else(|| series.map_or(f64::NAN, stroke));
         if let (Moves::LoopAperture(aperture), Some(series)) = (&self.moves, series) {
-            stroke += series.at_aperture(&pressed.shape, aperture / pressed.slip).1 * pressed.slip;
+            stroke += series.at_aperture(&pressed.shape, aperture / slip).1 * slip;
         }
-        stroke - series.map_or(0.0, |series| series.rig()) * threshold * pressed.slip
+        stroke - series.map_or(0.0, |series| series.rig()) * threshold * slip
     }
 
     /// What the displacements of a line contact are measured against, in units of the unworn contact.
     pub(super) fn series(&self, pressed: &UnwornContact) -> Option<Series> {
         // μF moves a spring of this stiffness by F/(S h₀) in μh₀.
-        let compliance = |stiffness: f64| pressed.force / (stiffness * pressed.depth);
+        let scales = &pressed.scales;
+        let compliance = |stiffness: f64| scales.force() / (stiffness * scales.indentation_depth);
         match self.reference? {
             Reference::Distance { reference_distance, rig_stiffness } => Some(Series {
-                reach: reference_distance / pressed.contact_radius,
+                reach: reference_distance / scales.contact_radius,
                 compliance: rig_stiffness.map_or(0.0, compliance),
             }),
             Reference::Loop { loop_stiffness } => {

@@ -28,7 +28,7 @@ pub(super) fn resolve(motion: &Motion, pressed: &UnwornContact) -> Valid<Canonic
         for (index, block) in moving {
             let pointer = format!("/motion/blocks/{index}/{}", block.member());
             let amplitude = match block.loop_aperture.0 {
-                Some(aperture) => pressed.at_aperture(aperture.0, None).1 * pressed.slip,
+                Some(aperture) => pressed.at_aperture(aperture.0, None).1 * pressed.scales.slip(),
                 None => block.held(),
             };
             resolved(amplitude, false, pressed, &pointer)?;
@@ -42,7 +42,7 @@ pub(super) fn resolve(motion: &Motion, pressed: &UnwornContact) -> Valid<Canonic
         return Ok(CanonicalMotion::new(Moves::Reversals(around_zero(reversals)), None));
     }
     if let Some(aperture) = motion.loop_aperture.0 {
-        let amplitude = pressed.at_aperture(aperture.0, None).1 * pressed.slip;
+        let amplitude = pressed.at_aperture(aperture.0, None).1 * pressed.scales.slip();
         resolved(amplitude, false, pressed, "/motion/loop_aperture")?;
         return Ok(CanonicalMotion::new(Moves::LoopAperture(aperture.0), None));
     }
@@ -94,7 +94,7 @@ fn resolve_rig(
         return Err(Faults::one("/motion/rig_stiffness", detail));
     }
     let (_, threshold) = pressed.behind_rig(amplitude, rig_stiffness);
-    resolved(threshold * pressed.slip, false, pressed, pointer)?;
+    resolved(threshold * pressed.scales.slip(), false, pressed, pointer)?;
     let rig = Some(Reference::Rig { rig_stiffness });
     Ok(CanonicalMotion::new(Moves::Amplitude(amplitude), rig))
 }
@@ -123,9 +123,10 @@ fn around_zero(reversals: Vec<f64>) -> Vec<f64> {
 #[expect(clippy::expect_used, reason = "the request was validated")]
 fn contact_amplitude(motion: &Motion, pressed: &UnwornContact) -> Valid<(f64, &'static str)> {
     if let Some(ratio) = motion.stick_ratio.0 {
-        let amplitude = pressed.slip * (1.0 - pressed.shape.image(ratio.0));
-        let returned =
-            pressed.shape.image_inverse((1.0 - twelve_digits(amplitude) / pressed.slip).max(0.0));
+        let slip = pressed.scales.slip();
+        let amplitude = slip * (1.0 - pressed.shape.image(ratio.0));
+        let threshold = twelve_digits(amplitude) / slip;
+        let returned = pressed.shape.image_inverse((1.0 - threshold).max(0.0));
         if (returned - ratio.0).abs() > STICK_DIGITS * ratio.0 && ratio.0 > 0.0 {
             let detail = format!(
                 "is {}, but 12 digits of the amplitude cannot distinguish this ratio from gross slip. \
@@ -139,7 +140,7 @@ fn contact_amplitude(motion: &Motion, pressed: &UnwornContact) -> Valid<(f64, &'
     }
     if let Some(force) = motion.tangential_force.0 {
         let force = pressed.carried(force.0)?;
-        let amplitude = pressed.threshold_under(force) * pressed.slip;
+        let amplitude = pressed.threshold_under(force) * pressed.scales.slip();
         return Ok((amplitude, "/motion/tangential_force"));
     }
     let amplitude = motion.amplitude.0.expect("a request without any of these is refused");
@@ -156,10 +157,10 @@ fn resolved(amplitude: f64, stays: bool, pressed: &UnwornContact, pointer: &str)
         );
         return Err(Faults::one(pointer, detail));
     }
-    let mut least = MIN_THRESHOLD * pressed.slip;
+    let mut least = MIN_THRESHOLD * pressed.scales.slip();
     if !stays {
         let narrowest = ROUNDED * MIN_RING;
-        least = least.max(pressed.slip * (1.0 - pressed.shape.image(1.0 - narrowest)));
+        least = least.max(pressed.scales.slip() * (1.0 - pressed.shape.image(1.0 - narrowest)));
         // The width of the slip ring in a₀.
         let ring = 1.0 - pressed.shape.stick_radius(pressed.threshold(amplitude));
         if amplitude >= least && ring < narrowest {

@@ -20,7 +20,7 @@ use crate::contact::{Contact, Control, Held, Normal, Shape, UnwornSums};
 use crate::numeric::Monotone;
 use crate::outcome::History;
 use crate::scenario::Warning;
-use crate::solver::stepped::{March, WearProblem};
+use crate::solver::stepped::{Law, March, WearProblem};
 
 /// The table. If a run ends early, its row has no values after the end.
 const TABLE: &str = include_str!("exact_volumes.csv");
@@ -257,7 +257,7 @@ fn row(pair: usize, exponent: f64, stick: f64) -> String {
     let sums = UnwornSums::of(&contact, None);
     let held = if by_force { Held::Force(sums.tangential) } else { Held::Threshold };
     let control = &Control::constant(normal, held, contact.threshold);
-    let problem = WearProblem::exact(&contact, control);
+    let problem = WearProblem { contact: &contact, control, law: Law::Exact };
     let last = TIMES[TIMES.len() - 1];
     let mut march = March::new(problem, TOLERANCE, last).expect("a scar that fits");
     let mut cells = vec![",".to_owned()];

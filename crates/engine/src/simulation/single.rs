@@ -7,12 +7,11 @@ use crate::case::{Case, EnergyOutputs, Method, Outputs, SEARCH_EVALUATIONS};
 use crate::contact::{Decay, Held, WIDEST};
 use crate::numeric::twelve_digits;
 use crate::outcome::{
-    Accuracy, BodyWear, ContactScales, History, Outcome, OutcomeEvent, Unworn, WornLayer,
-    limit_state,
+    Accuracy, BodyWear, ContactScales, History, Outcome, OutcomeEvent, Unworn, limit_state,
 };
 use crate::scenario::Warning;
 use crate::solver::closed::energy;
-use crate::solver::closed::events::{StopSearch, events};
+use crate::solver::closed::events::{events, stop_time};
 use crate::solver::closed::simplified::{Simplified, State, UnwornCurves};
 use crate::solver::curves::{Curves, Grid, rim};
 use crate::solver::events::{Event, EventKind, WornThrough};
@@ -37,7 +36,7 @@ pub(super) struct SingleRun {
 #[derive(Debug)]
 enum RunPhase {
     /// Searches for the time of the stop condition. Then evaluates the closed form with this ξ.
-    Searching(Box<Simplified>, f64, StopSearch),
+    Searching(Box<Simplified>, f64),
     /// Evaluates the closed form with this ξ.
     Closed(Box<Simplified>, f64),
     /// Prepares the time integration.
@@ -89,7 +88,7 @@ impl SingleRun {
                     let limiting = Some(limiting.clone());
                     recording.lay_out(&case, solver.radii(), initial.clone(), limiting);
                 }
-                RunPhase::Searching(solver, xi, StopSearch::default())
+                RunPhase::Searching(solver, xi)
             }
             _ => RunPhase::Planned,
         };
@@ -100,13 +99,10 @@ impl SingleRun {
     pub(super) fn step(&mut self) -> f64 {
         let mut progress = 0.0;
         self.phase = match std::mem::replace(&mut self.phase, RunPhase::Planned) {
-            RunPhase::Searching(solver, xi, mut search) => {
-                if self.search_stop(&solver, xi, &mut search) {
-                    progress = self.step_closed(&solver, xi);
-                    RunPhase::Closed(solver, xi)
-                } else {
-                    RunPhase::Searching(solver, xi, search)
-                }
+            RunPhase::Searching(solver, xi) => {
+                self.find_events(&solver, xi);
+                progress = self.step_closed(&solver, xi);
+                RunPhase::Closed(solver, xi)
             }
             RunPhase::Closed(solver, xi) => {
                 progress = self.step_closed(&solver, xi);
@@ -134,20 +130,16 @@ impl SingleRun {
             || self.events.iter().any(|event| event.ends && is_reached(event))
     }
 
-    /// Searches for the time of the stop condition. Returns true when the events are known.
-    fn search_stop(&mut self, solver: &Simplified, xi: f64, search: &mut StopSearch) -> bool {
+    /// Finds the events of the closed form. The search for the stop condition fits into a step: it evaluates at most some
+    /// 200 states.
+    fn find_events(&mut self, solver: &Simplified, xi: f64) {
         let last = self.case.normalized_end();
-        let states = STEP_OPERATIONS / Simplified::operations(self.case.points, 1, 0);
-        let until = self.case.until;
-        let Some(stop) = search.advance(solver, xi, until, last, states as usize) else {
-            return false;
-        };
+        let stop = stop_time(solver, xi, self.case.until, last);
         let mut known = std::mem::take(&mut self.events);
         if stop.is_finite() {
             known.push(Event::new(stop, EventKind::UntilReached, true));
         }
         self.events = events(solver, xi, last, known);
-        true
     }
 
     /// Evaluates several output cycles together, because they use the same matrix rows.
@@ -186,7 +178,7 @@ impl SingleRun {
     #[expect(clippy::expect_used, reason = "`Scenario::case` has refused such a scenario")]
     fn begin_march(&mut self) -> Marching {
         let Case { contact, control, tends_to, points, .. } = &self.case;
-        let (shape, problem) = (&contact.shape, self.case.problem(self.case.law()));
+        let (shape, problem) = (&contact.shape, self.case.problem());
         let last = self.case.normalized_end();
         let mut march = March::new(problem, self.case.tolerance(), last)
             .expect("a scenario whose scar outgrows its indenter has no case");
@@ -319,9 +311,9 @@ impl SingleRun {
         }
         let march = march.as_deref();
         let work = march.map(March::work);
-        let in_metres = |WornThrough { body, layer, radius }| {
-            let radius = radius * case.scales.contact_radius;
-            WornLayer { body, layer, radius }
+        let in_metres = |worn: WornThrough| WornThrough {
+            radius: worn.radius * case.scales.contact_radius,
+            ..worn
         };
         let with_cycles = |event: &Event| {
             let (cycles, kind) = (event.at * case.scales.cycles, event.kind);
@@ -410,6 +402,7 @@ fn closed_entry(
     let limit = contact.limit.radius.min(WIDEST);
     let slip = solver.slip_outside(limit, Decay::after(f64::INFINITY));
     let lengths = [limit, limit + slip * scales.slip() / scales.contact_radius];
+    let dissipated = energy::dissipated(contact, xi, &sums);
     let plain = |share: f64| [share * state.depth, (1.0 - share) * state.depth];
     HistoryEntry {
         cycles,
@@ -428,9 +421,9 @@ fn closed_entry(
         normal: sums.normal,
         tangential: sums.tangential,
         loss: sums.energy / contact.threshold,
-        worn_by_energy: solver.dissipated(xi, &sums),
+        worn_by_energy: dissipated,
         dosed: state.volume,
-        dissipated: solver.dissipated(xi, &sums),
+        dissipated,
         friction: 1.0,
         errors: state.errors,
         curves: state.curves.zip(state.backbone.map(|backbone| backbone.wind())),

@@ -70,14 +70,14 @@ pub struct Event {
     pub layer: Option<WornThrough>,
 }
 
-/// Where a layer is worn through.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// A layer that is worn through.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct WornThrough {
-    /// The index of the body.
+    /// The index of the body; 0 is the body with the profile.
     pub body: usize,
     /// The index of the layer, from the surface inwards.
     pub layer: usize,
-    /// The radius in a₀.
+    /// The radius at which it is worn through: in a₀ in an [`Event`], in m in the outcome.
     pub radius: f64,
 }
 

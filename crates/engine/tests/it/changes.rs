@@ -10,11 +10,11 @@ use fretwork_engine::outcome::Outcome;
 use fretwork_engine::scenario;
 use fretwork_engine::simulation::Simulation;
 use fretwork_engine::solver::events::EventKind;
-use fretwork_engine::solver::stepped::law::WearProblem;
 use fretwork_engine::solver::stepped::march::March;
 use serde_json::{Value, json};
 
 use crate::engine::steel_ball;
+use crate::{depth_and_amplitude, exact_problem};
 
 fn outcome(request: &Value) -> Outcome {
     let (scenario, _) = scenario::check(request, "").expect("a valid scenario");
@@ -77,11 +77,11 @@ fn a_step_of_the_friction_is_a_block_of_another_amplitude() {
     let track = Track::through(Over::Time, vec![step, step], vec![1.0, m]);
     let course = Course { friction: Some(track), wear: None };
     let changing = Contact { course: Some(Arc::new(course)), ..contact.clone() };
-    let held = Control::paper(delta);
+    let held = depth_and_amplitude(delta);
     let blocks = [Block::new(delta, step), Block::new(delta / m, 1e9)];
     let block = Control { normal: Normal::Depth, blocks: blocks.into() };
-    let mut changing = March::new(WearProblem::exact(&changing, &held), 3e-4, 9.0).expect("fits");
-    let mut blocks = March::new(WearProblem::exact(&contact, &block), 3e-4, 9.0).expect("fits");
+    let mut changing = March::new(exact_problem(&changing, &held), 3e-4, 9.0).expect("fits");
+    let mut blocks = March::new(exact_problem(&contact, &block), 3e-4, 9.0).expect("fits");
     for time in [0.5, 1.0, 2.0, 5.0] {
         let later = step + m * (time - step);
         while changing.advance(time) {}

@@ -41,9 +41,10 @@ use fretwork_engine::contact::record::DisplacementRecord;
 use fretwork_engine::contact::unworn::Contact;
 use fretwork_engine::numeric::{dot, integrate, largest, root, vertex};
 use fretwork_engine::solver::curves::Curves;
-use fretwork_engine::solver::stepped::law::WearProblem;
 use fretwork_engine::solver::stepped::march::March;
 use serde_json::Value;
+
+use crate::exact_problem;
 
 /// The quantity that is held constant in the normal direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -930,7 +931,7 @@ fn engine(problem: &Problem, record: Option<&DisplacementRecord>, last: f64) -> 
             blocks.iter().map(|(threshold, end)| Block::new(*threshold, *end)).collect();
     }
     let march =
-        March::new(WearProblem::exact(&contact, &control), 3e-4, last).expect("a scar that fits");
+        March::new(exact_problem(&contact, &control), 3e-4, last).expect("a scar that fits");
     (contact, march)
 }
 

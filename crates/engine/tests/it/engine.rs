@@ -4,6 +4,7 @@
 
 use std::f64::consts::{FRAC_2_PI, PI};
 
+use fretwork_engine::contact::Flank;
 use fretwork_engine::contact::hysteresis::Backbone;
 use fretwork_engine::contact::profile::Shape;
 use fretwork_engine::contact::row::SpringRow;
@@ -92,8 +93,8 @@ fn contacts() -> Vec<Contact> {
         (Shape::power(3.3), 0.4),
         (Shape::power(8.0), 0.7),
         (Shape::sphere(2.0), 0.6),
-        (Shape::truncated_paraboloid(0.3), 0.6),
-        (Shape::truncated_cone(0.5), 0.51),
+        (Shape::truncated(Flank::Paraboloid, 0.3), 0.6),
+        (Shape::truncated(Flank::Cone, 0.5), 0.51),
     ]
     .into_iter()
     .map(|(shape, c)| Contact::sticking(shape, c).expect("a limit"))
@@ -101,8 +102,8 @@ fn contacts() -> Vec<Contact> {
         [
             (Shape::power(2.0), 1.3),
             (Shape::power(1.0), 4.0),
-            (Shape::truncated_paraboloid(0.6), 1.2),
-            (Shape::truncated_cone(0.2), 2.0),
+            (Shape::truncated(Flank::Paraboloid, 0.6), 1.2),
+            (Shape::truncated(Flank::Cone, 0.2), 2.0),
         ]
         .into_iter()
         .map(|(shape, threshold)| Contact::new(shape, threshold).expect("a limit")),

@@ -11,11 +11,11 @@ use fretwork_engine::outcome::Outcome;
 use fretwork_engine::scenario;
 use fretwork_engine::simulation::Simulation;
 use fretwork_engine::solver::events::EventKind;
-use fretwork_engine::solver::stepped::law::WearProblem;
 use fretwork_engine::solver::stepped::march::{March, MarchState};
 use serde_json::{Value, json};
 
 use crate::engine::steel_ball;
+use crate::{depth_and_amplitude, exact_problem};
 
 fn contact(exponent: f64, c: f64) -> Contact {
     let shape = Shape::power(exponent);
@@ -24,13 +24,13 @@ fn contact(exponent: f64, c: f64) -> Contact {
 
 /// A run at constant depth and amplitude.
 fn exact(contact: &Contact, tolerance: f64, last: f64) -> March {
-    March::new(WearProblem::exact(contact, &Control::paper(contact.threshold)), tolerance, last)
+    March::new(exact_problem(contact, &depth_and_amplitude(contact.threshold)), tolerance, last)
         .expect("a scar that fits")
 }
 
 fn with_cells(contact: &Contact, cells: usize, tolerance: f64, last: f64) -> March {
     March::with_cells(
-        WearProblem::exact(contact, &Control::paper(contact.threshold)),
+        exact_problem(contact, &depth_and_amplitude(contact.threshold)),
         cells,
         tolerance,
         last,
@@ -175,7 +175,7 @@ fn the_error_estimate_covers_95_percent_of_true_errors_and_rarely_exceeds_them_t
     for i in 1..=SCENARIOS {
         let (contact, control, last) = any_problem(i);
         let history = |tolerance: f64| -> Vec<(f64, f64)> {
-            let mut run = March::new(WearProblem::exact(&contact, &control), tolerance, last)
+            let mut run = March::new(exact_problem(&contact, &control), tolerance, last)
                 .expect("a scar that fits");
             let mut found = Vec::new();
             for share in [0.05, 0.15, 0.3, 0.5, 0.75, 1.0] {
@@ -385,7 +385,7 @@ fn a_run_ends_when_the_scar_reaches_the_edge_of_the_indenter() {
     let contact = Contact::new(Shape::sphere(2.5), 1.8).expect("a limit");
     let control = Control::constant(Normal::Force, Held::Threshold, contact.threshold);
     let mut run =
-        March::new(WearProblem::exact(&contact, &control), 3e-3, 1e3).expect("a scar that fits");
+        March::new(exact_problem(&contact, &control), 3e-3, 1e3).expect("a scar that fits");
     while run.advance(1e3) {}
     let end = run.ended().expect("an end");
     assert_eq!(run.events().last().map(|event| event.kind), Some(EventKind::RimReached));
@@ -400,7 +400,7 @@ fn the_pressure_stays_accurate_after_long_gross_slip() {
     let contact = Contact::new(Shape::power(2.0), 1.6).expect("a limit");
     let control = Control::constant(Normal::Force, Held::Threshold, contact.threshold);
     for tolerance in [0.02, 3e-3] {
-        let mut run = March::new(WearProblem::exact(&contact, &control), tolerance, 1e5)
+        let mut run = March::new(exact_problem(&contact, &control), tolerance, 1e5)
             .expect("a scar that fits");
         for time in [1e3, 1e4, 1e5] {
             let instant = at(&mut run, time);
@@ -427,8 +427,8 @@ fn a_contact_with_a_small_core_reaches_its_limiting_state() {
         let force = UnwornSums::of(&contact, None).tangential;
         let control = Control::constant(Normal::Force, Held::Force(force), contact.threshold);
         let end = control.tends_to(&contact).expect("an end");
-        let mut run = March::new(WearProblem::exact(&contact, &control), 0.01, 1e6)
-            .expect("a scar that fits");
+        let mut run =
+            March::new(exact_problem(&contact, &control), 0.01, 1e6).expect("a scar that fits");
         let worn = at(&mut run, 1e6).worn;
         assert!((worn.volume / end.limit.volume - 1.0).abs() < 0.01, "{exponent} {}", worn.volume);
         assert!((worn.depth / end.depth - 1.0).abs() < 1e-3, "{exponent} {}", worn.depth);
@@ -444,8 +444,8 @@ fn wear_decreases_by_less_than_2e_4_before_the_correction() {
     let (mut largest, mut falling) = (0.0_f64, 0);
     for i in 1..=140 {
         let (contact, control, last) = any_problem(i);
-        let mut run = March::new(WearProblem::exact(&contact, &control), 3e-3, last)
-            .expect("a scar that fits");
+        let mut run =
+            March::new(exact_problem(&contact, &control), 3e-3, last).expect("a scar that fits");
         let (mut before, mut mesh, mut fall) = (Vec::new(), Vec::new(), 0.0_f64);
         for step in 1..=20 {
             let time = last * f64::from(step) / 20.0;

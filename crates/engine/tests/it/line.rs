@@ -6,9 +6,9 @@ use fretwork_engine::contact::reference::Series;
 use fretwork_engine::contact::unworn::Contact;
 use fretwork_engine::numeric::integrate;
 use fretwork_engine::solver::curves::Curves;
-use fretwork_engine::solver::stepped::law::WearProblem;
 use fretwork_engine::solver::stepped::march::{March, MarchState};
 
+use crate::exact_problem;
 use crate::plane_elements::{Contact as Elements, Held, State};
 
 /// A reference at the distance `reach` without a rig.
@@ -47,7 +47,7 @@ fn at(run: &mut March, time: f64) -> MarchState {
 }
 
 fn started(contact: &Contact, control: &Control, last: f64) -> March {
-    March::new(WearProblem::exact(contact, control), 3e-3, last).expect("a scar that fits")
+    March::new(exact_problem(contact, control), 3e-3, last).expect("a scar that fits")
 }
 
 /// The table of V at Ñ with both forces held, by a prototype with another code on 200 cells.

@@ -8,6 +8,9 @@
     reason = "tests use other numerical tools than the engine, and a failed test may panic"
 )]
 
+use fretwork_engine::contact::{Contact, Control, Held, Normal};
+use fretwork_engine::solver::stepped::law::{Law, WearProblem};
+
 mod anything;
 mod aperture;
 mod balances;
@@ -31,3 +34,13 @@ mod sharp;
 mod slopes;
 mod splits;
 mod yielding;
+
+/// The held quantities of the paper: indentation depth and amplitude are constant.
+fn depth_and_amplitude(threshold: f64) -> Control {
+    Control::constant(Normal::Depth, Held::Threshold, threshold)
+}
+
+/// The wear problem with the exact law.
+fn exact_problem<'a>(contact: &'a Contact, control: &'a Control) -> WearProblem<'a> {
+    WearProblem { contact, control, law: Law::Exact }
+}

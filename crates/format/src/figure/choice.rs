@@ -17,21 +17,18 @@ pub struct Offer {
     pub outputs: Vec<String>,
 }
 
-/// A figure of a study. `over` and `by` are indices of members, and `output` is the index of an output.
+/// A figure of a study. Its output and its members are indices in the lists of the offer. A kind of figure ignores what it
+/// does not need.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Choice {
-    /// One curve for each value of a second member.
-    Curves { output: usize, over: usize, by: Option<usize> },
-    /// Colours over two members.
-    Heat { output: usize, over: usize, by: usize },
-    /// A dot for each point.
-    Scatter { output: usize, over: usize },
-    /// Two regions of a plane.
-    Regimes,
-    /// Bars of all members.
-    Tornado { output: usize },
-    /// A figure of a fit.
-    Fit { kind: StudyFigure, output: usize, over: usize },
+pub struct Choice {
+    /// The kind of figure.
+    pub kind: StudyFigure,
+    /// The output that the figure shows.
+    pub output: usize,
+    /// The member on the horizontal axis.
+    pub over: usize,
+    /// The member on the vertical axis of a heat map, or the one with a curve for each of its values.
+    pub by: Option<usize>,
 }
 
 impl Offer {
@@ -44,8 +41,18 @@ impl Offer {
     /// The requested figure, or all faults of the request.
     pub fn choose(&self, view: &View) -> Result<Choice, Vec<Missing>> {
         let options = &view.figure.study;
-        let mut faults = self.run_options(view);
+        let mut faults = Vec::new();
         let mut wrong = |parameter, detail: String| faults.push(Missing { parameter, detail });
+        if view.figure.quantity != &QUANTITIES[0] {
+            let outputs = self.outputs.join(", ");
+            wrong(
+                "quantity",
+                format!("is for runs. This is a study: enter output, one of {outputs}"),
+            );
+        }
+        if view.cycles.is_some() {
+            wrong("cycles", "is for runs: the rows of a study have no output cycles".to_owned());
+        }
         let kind = options.kind.unwrap_or_else(|| self.default_kind(options));
         let is_possible = self.kinds().any(|known| known == kind);
         if !is_possible {
@@ -81,17 +88,8 @@ impl Offer {
         let by_count = by.map_or(1, |by| self.members[by].1);
         let is_open = options.kind.is_none() && has_second;
         let is_dense = is_open && by_count.min(self.members[over].1) > MAX_CURVES;
-        Ok(match (kind, by) {
-            (StudyFigure::Heat, Some(by)) => Choice::Heat { output, over, by },
-            (StudyFigure::Curves, Some(by)) if is_dense => Choice::Heat { output, over, by },
-            (StudyFigure::Heat | StudyFigure::Curves, _) => {
-                Choice::Curves { output, over, by: by.filter(|_| has_second) }
-            }
-            (StudyFigure::Scatter, _) => Choice::Scatter { output, over },
-            (StudyFigure::Regimes, _) => Choice::Regimes,
-            (StudyFigure::Tornado, _) => Choice::Tornado { output },
-            (kind, _) => Choice::Fit { kind, output, over },
-        })
+        let kind = if is_dense { StudyFigure::Heat } else { kind };
+        Ok(Choice { kind, output, over, by: by.filter(|_| has_second) })
     }
 
     /// The first kind of figure that supports the requested options.
@@ -115,23 +113,6 @@ impl Offer {
         };
         let over = over.or_else(|| most(by)).unwrap_or(0);
         (over, by.or_else(|| most(Some(over))))
-    }
-
-    /// The faults of a request that uses parameters for figures of runs.
-    fn run_options(&self, view: &View) -> Vec<Missing> {
-        let mut faults = Vec::new();
-        let mut wrong = |parameter, detail: String| faults.push(Missing { parameter, detail });
-        if view.figure.quantity != &QUANTITIES[0] {
-            let outputs = self.outputs.join(", ");
-            wrong(
-                "quantity",
-                format!("is for runs. This is a study: enter output, one of {outputs}"),
-            );
-        }
-        if view.cycles.is_some() {
-            wrong("cycles", "is for runs: the rows of a study have no output cycles".to_owned());
-        }
-        faults
     }
 }
 
@@ -173,30 +154,31 @@ mod tests {
     fn the_default_figure_depends_on_the_design_of_the_study() {
         let default =
             |arrangement, counts: &[usize]| chosen(&offer(arrangement, counts), |_| ()).unwrap();
-        let (output, curves) = (0, |over, by| Choice::Curves { output: 0, over, by });
-        assert_eq!(default(GRID, &[4, 16]), curves(1, Some(0)));
-        assert_eq!(default(GRID, &[9]), curves(0, None));
-        assert_eq!(default(GRID, &[3, 3, 2]), curves(0, Some(1)));
-        assert_eq!(default(GRID, &[20, 30]), Choice::Heat { output, over: 1, by: 0 });
-        assert_eq!(default(LISTS, &[9, 9]), curves(0, None));
-        assert_eq!(default(DRAWN, &[99, 99]), Choice::Scatter { output, over: 0 });
-        assert_eq!(default(MAP, &[48, 48]), Choice::Regimes);
-        assert_eq!(default(INDICES, &[1, 1]), Choice::Tornado { output });
+        let choice = |kind, over, by| Choice { kind, output: 0, over, by };
+        assert_eq!(default(GRID, &[4, 16]), choice(StudyFigure::Curves, 1, Some(0)));
+        assert_eq!(default(GRID, &[9]), choice(StudyFigure::Curves, 0, None));
+        assert_eq!(default(GRID, &[3, 3, 2]), choice(StudyFigure::Curves, 0, Some(1)));
+        assert_eq!(default(GRID, &[20, 30]), choice(StudyFigure::Heat, 1, Some(0)));
+        assert_eq!(default(LISTS, &[9, 9]), choice(StudyFigure::Curves, 0, None));
+        assert_eq!(default(DRAWN, &[99, 99]), choice(StudyFigure::Scatter, 0, None));
+        assert_eq!(default(MAP, &[48, 48]), choice(StudyFigure::Regimes, 0, None));
+        assert_eq!(default(INDICES, &[1, 1]), choice(StudyFigure::Tornado, 0, None));
     }
 
     #[test]
     fn parameters_change_the_figure() {
+        let choice = |kind, output, over, by| Ok(Choice { kind, output, over, by });
         let grid = offer(GRID, &[4, 16]);
         let over = |options: &mut StudyOptions| options.over = Some("/friction".to_owned());
-        assert_eq!(chosen(&grid, over), Ok(Choice::Curves { output: 0, over: 0, by: Some(1) }));
+        assert_eq!(chosen(&grid, over), choice(StudyFigure::Curves, 0, 0, Some(1)));
         let heat = |options: &mut StudyOptions| options.kind = Some(StudyFigure::Heat);
-        assert_eq!(chosen(&grid, heat), Ok(Choice::Heat { output: 0, over: 1, by: 0 }));
+        assert_eq!(chosen(&grid, heat), choice(StudyFigure::Heat, 0, 1, Some(0)));
         let depth = |options: &mut StudyOptions| options.output = Some("wear_depth".to_owned());
         let map = chosen(&offer(MAP, &[48, 64]), depth);
-        assert_eq!(map, Ok(Choice::Heat { output: 1, over: 0, by: 1 }));
+        assert_eq!(map, choice(StudyFigure::Heat, 1, 0, Some(1)));
         let indices = offer(DRAWN_INDICES, &[9, 9]);
-        assert_eq!(chosen(&indices, depth), Ok(Choice::Tornado { output: 1 }));
-        assert_eq!(chosen(&indices, over), Ok(Choice::Scatter { output: 0, over: 0 }));
+        assert_eq!(chosen(&indices, depth), choice(StudyFigure::Tornado, 1, 0, None));
+        assert_eq!(chosen(&indices, over), choice(StudyFigure::Scatter, 0, 0, None));
     }
 
     #[test]

@@ -85,20 +85,20 @@ pub fn measured(
         let column = if kind == StudyFigure::Residuals { "residual" } else { "measured" };
         let rows = table.rows(("own", test), ["x", column, "deviation"]);
         let x = |rows: &[[f64; 3]]| rows.iter().map(|row| row[0]).collect::<Vec<_>>();
-        let series = Series::new(test, x(&rows), rows.iter().map(|row| row[1]).collect());
-        figure.series.push(series.styled(points));
+        let y = rows.iter().map(|row| row[1]).collect();
+        figure.series.push(Series::new(test, x(&rows), y, points));
         if kind == StudyFigure::Residuals {
             continue;
         }
         let bars = rows.iter().map(|[x, y, s]| ([*x; 3], [y - s, y + s, f64::NAN]));
         let (x, y): (Vec<_>, Vec<_>) = bars.unzip();
         let line = Style { mark: None, width: 0.8, ..points };
-        figure.series.push(Series::new("", x.concat(), y.concat()).styled(line));
+        figure.series.push(Series::new("", x.concat(), y.concat(), line));
         let rows =
             bands.rows(("own", test), ["x", "predicted", "prediction_low", "prediction_high"]);
         let (x, curve): (Vec<_>, Vec<_>) = rows.iter().map(|row| (row[0], row[1])).unzip();
         let between = rows.iter().map(|row| (row[2], row[3])).collect();
-        figure.series.push(Series::new("", x.clone(), curve).styled(line));
+        figure.series.push(Series::new("", x.clone(), curve, line));
         figure.bands.push(Band { label: String::new(), color: BAND, x, between });
     }
     if is_energy {
@@ -110,7 +110,8 @@ pub fn measured(
             Notation { is_si: !engineering }.quantity(slope, "m^3/J", 4),
             lines[0]["r_squared"].as_f64().unwrap_or(f64::NAN)
         );
-        figure.series.push(Series::new(&label, vec![0.0, end], vec![0.0, slope * end]));
+        let style = Style::numbered(figure.series.len());
+        figure.series.push(Series::new(&label, vec![0.0, end], vec![0.0, slope * end], style));
     }
     let across = across.map_or(1.0, |(factor, _)| factor);
     let up = if kind == StudyFigure::Residuals { 1.0 } else { up };
@@ -138,13 +139,13 @@ pub fn profile(document: &Document<'_>, parameter: &str, x: Axis) -> Result<Figu
     let (values, y): (Vec<f64>, Vec<f64>) = rows.iter().map(|row| (row[0], row[1])).unzip();
     let ends = [values.first().copied().unwrap_or(0.0), values.last().copied().unwrap_or(1.0)];
     let style = Style { color: GREY, ..Style::numbered(1) };
-    let end = Series::new("end of the interval", ends.to_vec(), vec![allowed; 2]).styled(style);
+    let end = Series::new("end of the interval", ends.to_vec(), vec![allowed; 2], style);
     let points = Style { mark: Some(Mark::Disc), ..Style::numbered(0) };
     Ok(Figure {
         title: "Sum of squares".to_owned(),
         x,
         y: Axis::labelled("Least sum of squares"),
-        series: vec![end, Series::new("", values, y).styled(points)],
+        series: vec![end, Series::new("", values, y, points)],
         ..Figure::default()
     })
 }

@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use super::axes::{distinct, spans_decades};
-use super::choice::{MAX_CURVES, Offer};
+use super::choice::{Choice, MAX_CURVES, Offer};
 use super::words::{member, short, values_of};
 use crate::{PartTable, Units, evenly_spaced};
 use fretwork_plot::{Axis, Band, Dash, Field, Series, Style};
@@ -18,23 +18,16 @@ const BOUNDARY: Style = Style { color: "#000000", dash: Dash::Dashed, width: 1.8
 const LATER: Style = Style { color: "#000000", dash: Dash::Solid, width: 1.2, mark: None };
 const HALO: Style = Style { color: "#ffffff", dash: Dash::Solid, width: 3.4, mark: None };
 
-/// The numbers on the axes of a figure, as indices into the list of the numbers that the study varies.
-#[derive(Clone, Copy)]
-pub struct Axes {
-    /// The member on the horizontal axis.
-    pub over: usize,
-    /// The member on the vertical axis, or the one with a curve for each of its values.
-    pub by: Option<usize>,
-}
-
-/// An output of a study as a function of its members.
-pub struct Surface<'a> {
-    pub offer: &'a Offer,
-    pub rows: &'a PartTable,
+/// The table of a study.
+pub struct StudyTable<'a> {
+    /// Its members and its outputs.
+    pub offer: Offer,
+    /// The rows of all points.
+    pub rows: PartTable,
+    /// The units of its columns.
     pub units: &'a Units,
-    pub scenario: &'a Value,
-    /// The name of the output.
-    pub output: &'a str,
+    /// The scenario of the study, in SI.
+    pub scenario: Value,
 }
 
 /// The values of an output over those of two members. The other members are held at values near the middle.
@@ -48,18 +41,19 @@ struct Lattice {
 }
 
 impl Lattice {
-    fn new(surface: &Surface<'_>, Axes { over, by }: Axes) -> Self {
-        let Surface { offer, rows, output, .. } = *surface;
+    fn new(table: &StudyTable<'_>, Choice { output, over, by, .. }: Choice) -> Self {
+        let StudyTable { offer, rows, .. } = table;
+        let output = rows.axis(&offer.outputs[output]);
         let column = |place: usize| rows.axis(&offer.members[place].0);
         let others = (0..offer.members.len()).filter(|place| *place != over && Some(*place) != by);
         let others: Vec<(usize, &[f64])> = others.map(|place| (place, column(place))).collect();
-        let held = central(&others, rows.axis(output));
+        let held = central(&others, output);
         let x = distinct(column(over));
         let y = by.map_or_else(|| vec![f64::NAN], |by| distinct(column(by)));
         let mut values = vec![vec![f64::NAN; x.len()]; y.len()];
         let find =
             |values: &[f64], value: f64| values.binary_search_by(|own| own.total_cmp(&value)).ok();
-        for (row, value) in rows.axis(output).iter().enumerate() {
+        for (row, value) in output.iter().enumerate() {
             let is_held =
                 held.iter().all(|(place, value)| column(*place)[row].total_cmp(value).is_eq());
             let i = find(&x, column(over)[row]);
@@ -81,7 +75,7 @@ impl Lattice {
     }
 
     /// The values of the members that are held, in words.
-    fn note(&self, Surface { units, scenario, .. }: &Surface<'_>) -> String {
+    fn note(&self, StudyTable { units, scenario, .. }: &StudyTable<'_>) -> String {
         let held = self.held.iter().flat_map(|(pointer, value)| {
             values_of(&short(pointer, scenario), units.of(pointer), &[*value])
         });
@@ -108,34 +102,34 @@ fn central(members: &[(usize, &[f64])], output: &[f64]) -> Vec<(usize, f64)> {
     members.iter().map(|(place, column)| (*place, column[row])).collect()
 }
 
-impl Surface<'_> {
+impl StudyTable<'_> {
     /// One curve for each value of a second member, and a note about the values that it does not show.
-    pub fn curves(&self, axes: Axes) -> (Vec<Series>, String) {
-        let lattice = Lattice::new(self, axes);
+    pub fn curves(&self, choice: Choice) -> (Vec<Series>, String) {
+        let lattice = Lattice::new(self, choice);
         let all = lattice.by.len();
         let columns = evenly_spaced(lattice.over.len(), MAX_POINTS);
         let lattice = lattice.thinned(&columns, &evenly_spaced(all, MAX_CURVES));
         let mut note = lattice.note(self);
-        let labels = axes.by.map(|by| {
+        let labels = choice.by.map(|by| {
             let name = &self.offer.members[by].0;
             if all > MAX_CURVES {
-                let member = member(name, self.scenario);
+                let member = member(name, &self.scenario);
                 note = format!("{note} {MAX_CURVES} of {all} values of {member} are drawn.");
             }
-            values_of(&short(name, self.scenario), self.units.of(name), &lattice.by)
+            values_of(&short(name, &self.scenario), self.units.of(name), &lattice.by)
         });
         let mut labels = labels.into_iter().flatten().chain(std::iter::repeat(String::new()));
         let series = lattice.values.into_iter().enumerate().map(|(i, y)| {
             let label = labels.next().unwrap_or_default();
-            Series::new(&label, lattice.over.clone(), y).styled(Style::marked(i))
+            Series::new(&label, lattice.over.clone(), y, Style::marked(i))
         });
         (series.collect(), note)
     }
 
     /// The heat map of an output, and a note about the values that it does not show. `log`: whether each axis is
     /// logarithmic.
-    pub fn field(&self, axes: Axes, log: (bool, bool), scale: Axis) -> (Field, String) {
-        let lattice = Lattice::new(self, axes);
+    pub fn field(&self, choice: Choice, log: (bool, bool), scale: Axis) -> (Field, String) {
+        let lattice = Lattice::new(self, choice);
         let drawn = |values: &[f64], log: bool| -> Vec<usize> {
             let first = if log { values.partition_point(|value| *value <= 0.0) } else { 0 };
             let places = evenly_spaced(values.len() - first, MAX_CELLS).into_iter();
@@ -156,18 +150,18 @@ impl Surface<'_> {
 pub fn list(x: &[f64], y: &[f64]) -> Series {
     let places = evenly_spaced(x.len(), MAX_POINTS);
     let pick = |from: &[f64]| places.iter().map(|place| from[*place]).collect();
-    Series::new("", pick(x), pick(y)).styled(Style::marked(0))
+    Series::new("", pick(x), pick(y), Style::marked(0))
 }
 
 /// The boundary of two regions, on a white curve that makes it visible on dark colours.
 pub fn boundary([x, y]: [Vec<f64>; 2], label: &str) -> Vec<Series> {
-    let line = |label, style| Series::new(label, x.clone(), y.clone()).styled(style);
+    let line = |label, style| Series::new(label, x.clone(), y.clone(), style);
     vec![line("", HALO), line(label, BOUNDARY)]
 }
 
 /// The boundary after the runs.
 pub fn later([x, y]: [Vec<f64>; 2]) -> Series {
-    Series::new("", x, y).styled(LATER)
+    Series::new("", x, y, LATER)
 }
 
 /// The regions below and above the boundary, which may leave the range of the vertical axis.

@@ -125,7 +125,7 @@ impl Drawing<'_> {
         let labels = labels(&rows.iter().map(|row| cycles[*row]).collect::<Vec<f64>>());
         let styled = |(i, (row, label)): (usize, (&usize, String))| {
             let (x, y) = curve(*row);
-            Series::new(&label, x, y).styled(Style::marked(i))
+            Series::new(&label, x, y, Style::marked(i))
         };
         rows.iter().zip(labels).enumerate().map(styled).collect()
     }
@@ -136,7 +136,7 @@ impl Drawing<'_> {
         let radius = table.axis("radius");
         let reference = |column: &str, label, style| match table.column(column) {
             Some(Values::Points(row)) if name == "worn" => {
-                Some(Series::new(label, radius.to_vec(), row.clone()).styled(style))
+                Some(Series::new(label, radius.to_vec(), row.clone(), style))
             }
             _ => None,
         };
@@ -197,10 +197,10 @@ impl Drawing<'_> {
                 None => "Limit".to_owned(),
             };
             if within_reach(value, &series) {
-                let second = series.iter().any(|one| one.style == Some(LIMITING));
+                let second = series.iter().any(|one| one.style == LIMITING);
                 let dash = if second { Dash::Dotted } else { LIMITING.dash };
-                let line = Series::new(&label, vec![start, last], vec![value, value]);
-                series.push(line.styled(Style { dash, ..LIMITING }));
+                let style = Style { dash, ..LIMITING };
+                series.push(Series::new(&label, vec![start, last], vec![value, value], style));
             }
         }
         let y = self.axis(label, self.quantity.name);
@@ -217,7 +217,7 @@ impl Drawing<'_> {
         for (name, label) in columns {
             let value = |row| table.column(name).map_or(f64::NAN, |values| values.at(row, 0));
             let y = (0..cycles.len()).map(value).collect();
-            series.push(Series::new(label, cycles.to_vec(), y));
+            series.push(Series::new(label, cycles.to_vec(), y, Style::marked(series.len())));
         }
         let comparison = self.document.value("comparison")?;
         if comparison.is_object() {
@@ -231,17 +231,16 @@ impl Drawing<'_> {
             for (i, (name, label)) in columns.iter().enumerate() {
                 series[i].label = named(label, "Exact method");
                 let y = numbers(&comparison["history"][*name]);
-                series.push(Series::new(&named(label, &rule), x.clone(), y));
+                let style = Style { dash: Dash::Dashed, ..Style::marked(series.len()) };
+                series.push(Series::new(&named(label, &rule), x.clone(), y, style));
             }
         }
         let scenario = self.document.value("scenario")?;
         // A line would suggest values between two blocks, so only markers are drawn.
-        let jumps = scenario["motion"]["blocks"].is_array() && self.quantity.jumps_between_blocks();
-        for (i, one) in series.iter_mut().enumerate() {
-            let style = Style::marked(i);
-            let dash = if i < columns.len() { Dash::Solid } else { Dash::Dashed };
-            let width = if jumps { 0.0 } else { style.width };
-            one.style = Some(Style { dash, width, ..style });
+        if scenario["motion"]["blocks"].is_array() && self.quantity.jumps_between_blocks() {
+            for one in &mut series {
+                one.style.width = 0.0;
+            }
         }
         Ok(series)
     }
@@ -353,11 +352,11 @@ mod tests {
         let x: Vec<f64> = (0..=100).map(f64::from).collect();
         let with = |peak: f64| {
             let y = x.iter().map(|x| if (x - 50.0).abs() < 0.5 { peak } else { 2.0 }).collect();
-            below_poles(&[Series::new("", x.clone(), y)])
+            below_poles(&[Series::new("", x.clone(), y, LIMITING)])
         };
         assert_eq!(with(f64::INFINITY), Some((0.0, 4.0)));
         assert_eq!(with(1e9), Some((0.0, 4.0)));
         assert_eq!(with(9.0), None);
-        assert_eq!(below_poles(&[Series::new("", x.clone(), vec![0.0; 101])]), None);
+        assert_eq!(below_poles(&[Series::new("", x.clone(), vec![0.0; 101], LIMITING)]), None);
     }
 }

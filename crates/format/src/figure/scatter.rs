@@ -34,7 +34,7 @@ pub fn series(x: &[f64], y: &[f64]) -> (Vec<Series>, String) {
     let style = Style { color: PALETTE[0], dash: Dash::Solid, width: 0.0, mark: Some(mark) };
     let drawn = evenly_spaced(count, MAX_DOTS).into_iter();
     let (dots_x, dots_y) = drawn.map(|place| points[place]).unzip();
-    let mut out = vec![Series::new(&label, dots_x, dots_y).styled(style)];
+    let mut out = vec![Series::new(&label, dots_x, dots_y, style)];
     if count > FEW {
         let (curves, words) = percentiles(points);
         out.extend(curves);
@@ -84,7 +84,7 @@ fn percentiles(mut points: Vec<(f64, f64)>) -> (Vec<Series>, &'static str) {
         )
     };
     let columns = labels.into_iter().zip(y).zip(styles).take(count);
-    let curve = |((label, y), style)| Series::new(label, x.clone(), y).styled(style);
+    let curve = |((label, y), style)| Series::new(label, x.clone(), y, style);
     (columns.map(curve).collect(), words)
 }
 

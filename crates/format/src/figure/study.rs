@@ -5,7 +5,7 @@ use serde_json::Value;
 
 use super::axes;
 use super::choice::{Choice, Offer};
-use super::grid::{self, Axes, Surface};
+use super::grid::{self, StudyTable};
 use super::run::numbers;
 use super::words::{self, member};
 use super::{fit, scatter, tornado};
@@ -41,16 +41,12 @@ struct DrawnStudy<'a> {
     document: &'a Document<'a>,
     view: &'a View,
     kind: &'static Kind,
-    /// The canonical study, in SI.
-    asked: Value,
-    /// The rows of all points.
-    rows: PartTable,
-    offer: Offer,
+    table: StudyTable<'a>,
 }
 
 impl<'a> DrawnStudy<'a> {
     fn open(document: &'a Document<'a>, kind: &'static Kind, view: &'a View) -> Result<Self> {
-        let asked = document.value(kind.name)?;
+        let mut asked = document.value(kind.name)?;
         let rows = document.rows(kind)?;
         let mut offer = offer(kind.hints(&asked), &rows);
         if offer.hints.figures.contains(&StudyFigure::Bands) {
@@ -63,24 +59,28 @@ impl<'a> DrawnStudy<'a> {
             )
             .into());
         }
-        Ok(Self { document, view, kind, asked, rows, offer })
+        let scenario = asked.get_mut("scenario").map(Value::take).unwrap_or_default();
+        let table = StudyTable { offer, rows, units: &document.head.units, scenario };
+        Ok(Self { document, view, kind, table })
     }
 
     /// The figure that a view requests of this study.
     fn drawn(&self, view: &View) -> Result<String> {
-        match self.offer.choose(view).map_err(Error::Missing)? {
-            Choice::Tornado { output } => self.tornado(output),
-            Choice::Scatter { output, over } => self.scatter(output, over),
-            Choice::Curves { output, over, by } => self.curves(output, over, by),
-            Choice::Heat { output, over, by } => self.heat(output, over, by),
-            Choice::Regimes => self.regimes(),
-            Choice::Fit { kind: StudyFigure::Profile, over, .. } => {
+        let choice = self.table.offer.choose(view).map_err(Error::Missing)?;
+        let Choice { kind, output, over, by } = choice;
+        match (kind, by) {
+            (StudyFigure::Tornado, _) => self.tornado(output),
+            (StudyFigure::Scatter, _) => self.scatter(output, over),
+            (StudyFigure::Heat, Some(by)) => self.heat(choice, by),
+            (StudyFigure::Heat | StudyFigure::Curves, _) => self.curves(choice),
+            (StudyFigure::Regimes, _) => self.regimes(),
+            (StudyFigure::Profile, _) => {
                 let name = self.member(over);
-                let axis = self.axis(&member(name, &self.asked["scenario"]), name);
+                let axis = self.axis(&member(name, &self.table.scenario), name);
                 self.finished(fit::profile(self.document, name, axis)?, "", "")
             }
-            Choice::Fit { kind, output, .. } => {
-                let output = &self.offer.outputs[output];
+            (StudyFigure::Bands | StudyFigure::Residuals | StudyFigure::Energy, _) => {
+                let output = &self.table.offer.outputs[output];
                 let engineering = self.view.engineering;
                 self.finished(fit::measured(self.document, kind, output, engineering)?, "", "")
             }
@@ -88,50 +88,38 @@ impl<'a> DrawnStudy<'a> {
     }
 
     fn member(&self, place: usize) -> &str {
-        &self.offer.members[place].0
-    }
-
-    fn surface<'s>(&'s self, output: &'s str) -> Surface<'s> {
-        Surface {
-            offer: &self.offer,
-            rows: &self.rows,
-            units: &self.document.head.units,
-            scenario: &self.asked["scenario"],
-            output,
-        }
+        &self.table.offer.members[place].0
     }
 
     /// An axis with the unit of a column.
     fn axis(&self, label: &str, name: &str) -> Axis {
-        axes::in_unit(label, self.document.head.units.of(name))
+        axes::in_unit(label, self.table.units.of(name))
     }
 
     /// The axis for the values of a member.
     fn across(&self, place: usize) -> Axis {
         let name = self.member(place);
-        let log = axes::is_log_spaced(&axes::distinct(self.rows.axis(name)));
-        Axis { log, ..self.axis(&member(name, &self.asked["scenario"]), name) }
+        let log = axes::is_log_spaced(&axes::distinct(self.table.rows.axis(name)));
+        Axis { log, ..self.axis(&member(name, &self.table.scenario), name) }
     }
 
     /// The axis and the title of an output.
     fn up(&self, place: usize) -> (Axis, String) {
-        let name = &self.offer.outputs[place];
-        let (quantity, rest) = words::output(name, &self.asked["scenario"]);
+        let name = &self.table.offer.outputs[place];
+        let (quantity, rest) = words::output(name, &self.table.scenario);
         (self.axis(&quantity, name), quantity + &rest)
     }
 
-    fn curves(&self, output: usize, over: usize, by: Option<usize>) -> Result<String> {
-        let name = &self.offer.outputs[output];
-        let (axis, title) = self.up(output);
-        let across = self.across(over);
-        let (series, note) = if self.offer.hints.is_grid {
-            let names = Axes { over, by };
-            self.surface(name).curves(names)
+    fn curves(&self, choice: Choice) -> Result<String> {
+        let StudyTable { offer, rows, .. } = &self.table;
+        let name = &offer.outputs[choice.output];
+        let (axis, title) = self.up(choice.output);
+        let across = self.across(choice.over);
+        let (series, note) = if offer.hints.is_grid {
+            self.table.curves(choice)
         } else {
-            (
-                vec![grid::list(self.rows.axis(self.member(over)), self.rows.axis(name))],
-                String::new(),
-            )
+            let x = rows.axis(self.member(choice.over));
+            (vec![grid::list(x, rows.axis(name))], String::new())
         };
         let log = axes::spans_decades(series.iter().flat_map(|series| &series.y).copied());
         let figure =
@@ -139,18 +127,17 @@ impl<'a> DrawnStudy<'a> {
         self.finished(figure, &(note + &self.gaps(name)), "")
     }
 
-    fn heat(&self, output: usize, over: usize, by: usize) -> Result<String> {
-        let name = &self.offer.outputs[output];
-        let (scale, title) = self.up(output);
-        let (mut x, mut y) = (self.across(over), self.across(by));
+    fn heat(&self, choice: Choice, by: usize) -> Result<String> {
+        let name = &self.table.offer.outputs[choice.output];
+        let (scale, title) = self.up(choice.output);
+        let (mut x, mut y) = (self.across(choice.over), self.across(by));
         x.log = self.view.figure.log_x.unwrap_or(x.log);
         y.log = self.view.figure.log_y.unwrap_or(y.log);
-        let named = Axes { over, by: Some(by) };
-        let (field, note) = self.surface(name).field(named, (x.log, y.log), scale);
-        let (mut series, mut note) = (Vec::new(), note);
-        if let Some(regions) = self.offer.hints.regions {
+        let (field, mut note) = self.table.field(choice, (x.log, y.log), scale);
+        let mut series = Vec::new();
+        if let Some(regions) = self.table.offer.hints.regions {
             let turned = |[first, second]: [Vec<f64>; 2]| {
-                if over == 0 { [first, second] } else { [second, first] }
+                if choice.over == 0 { [first, second] } else { [second, first] }
             };
             let unworn = self.boundary(&regions, self.member(1))?;
             series.extend(grid::boundary(turned(unworn), regions.label));
@@ -183,10 +170,10 @@ impl<'a> DrawnStudy<'a> {
 
     #[expect(clippy::expect_used, reason = "a test reads the hints of all kinds")]
     fn regimes(&self) -> Result<String> {
-        let regions = self.offer.hints.regions.expect("this figure has regions");
+        let regions = self.table.offer.hints.regions.expect("this figure has regions");
         let boundary = self.boundary(&regions, self.member(1))?;
         let [x, y] = [0, 1].map(|place| {
-            let ends = axes::distinct(self.rows.axis(self.member(place)));
+            let ends = axes::distinct(self.table.rows.axis(self.member(place)));
             let range = ends.first().zip(ends.last()).map(|(low, high)| (*low, *high));
             Axis { range: range.filter(|(low, high)| low < high), ..self.across(place) }
         });
@@ -201,9 +188,9 @@ impl<'a> DrawnStudy<'a> {
     }
 
     fn scatter(&self, output: usize, over: usize) -> Result<String> {
-        let name = &self.offer.outputs[output];
+        let name = &self.table.offer.outputs[output];
         let (axis, title) = self.up(output);
-        let (x, y) = (self.rows.axis(self.member(over)), self.rows.axis(name));
+        let (x, y) = (self.table.rows.axis(self.member(over)), self.table.rows.axis(name));
         let log = axes::spans_decades(y.iter().copied());
         let (series, note) = scatter::series(x, y);
         let mut across = self.across(over);
@@ -217,17 +204,16 @@ impl<'a> DrawnStudy<'a> {
 
     #[expect(clippy::expect_used, reason = "a test reads the hints of all kinds")]
     fn tornado(&self, output: usize) -> Result<String> {
-        let bars = self.offer.hints.bars.expect("this figure has bars");
-        let name = &self.offer.outputs[output];
+        let bars = self.table.offer.hints.bars.expect("this figure has bars");
+        let name = &self.table.offer.outputs[output];
         let table = self.document.table(Part::Table, &View::default())?;
-        let mut chart =
-            tornado::chart(&table, name, &bars, &self.document.head.units, &self.asked["scenario"]);
+        let mut chart = tornado::chart(&table, name, &bars, self.table.units, &self.table.scenario);
         chart.size = axes::size(&self.view.figure);
         let options = &self.view.figure;
         let log = [("x", options.log_x == Some(true)), ("y", options.log_y == Some(true))];
         axes::refuse_logarithms(log, "the bars begin at 0")?;
         let note = tornado::keep_what_fits(&mut chart);
-        let (quantity, rest) = words::output(name, &self.asked["scenario"]);
+        let (quantity, rest) = words::output(name, &self.table.scenario);
         chart.title = format!("Sensitivity: {}{rest}", quantity.to_lowercase());
         let groups: Vec<&str> = chart.groups.iter().map(|group| group.label.as_str()).collect();
         let description = format!(
@@ -243,7 +229,7 @@ impl<'a> DrawnStudy<'a> {
 
     /// How many points lack an output, in words.
     fn gaps(&self, name: &str) -> String {
-        match self.rows.axis(name).iter().filter(|value| !value.is_finite()).count() {
+        match self.table.rows.axis(name).iter().filter(|value| !value.is_finite()).count() {
             0 => String::new(),
             1 => " 1 point has no value.".to_owned(),
             count => format!(" {count} points have no value."),
@@ -253,7 +239,7 @@ impl<'a> DrawnStudy<'a> {
     /// Where the numbers come from, in words.
     fn origin(&self) -> String {
         let (kind, engine) = (self.kind.name, &self.document.head.engine);
-        format!("from {} points of a {kind} study, computed by {engine}", self.rows.cycles())
+        format!("from {} points of a {kind} study, computed by {engine}", self.table.rows.cycles())
     }
 
     /// The figure with its metadata, as SVG. The note is printed below the figure. `colours` is only in its

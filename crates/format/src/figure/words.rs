@@ -11,26 +11,16 @@ pub fn member(pointer: &str, scenario: &Value) -> String {
     capital(&named(pointer, scenario).0)
 }
 
-/// The symbol of the number at a pointer of a scenario; empty if it has none.
-pub fn symbol(pointer: &str, scenario: &Value) -> String {
-    named(pointer, scenario).1.replace('$', "")
-}
-
 /// The symbol of the number at a pointer of a scenario, or its name if it has none.
 pub fn short(pointer: &str, scenario: &Value) -> String {
-    let symbol = symbol(pointer, scenario);
-    if symbol.is_empty() { member(pointer, scenario) } else { symbol }
+    let (words, symbol) = named(pointer, scenario);
+    if symbol.is_empty() { capital(&words) } else { symbol.replace('$', "") }
 }
 
-/// Name and symbol of the number at a pointer of a scenario.
+/// Name and symbol of the number at a pointer of a scenario, as plain text.
 pub fn whole(pointer: &str, scenario: &Value) -> String {
     let (words, symbol) = named(pointer, scenario);
-    with_symbol(&capital(&words), symbol)
-}
-
-/// A name and a symbol as plain text.
-pub fn with_symbol(words: &str, symbol: &str) -> String {
-    format!("{words} {symbol}").replace('$', "").trim().to_owned()
+    format!("{} {symbol}", capital(&words)).replace('$', "").trim().to_owned()
 }
 
 /// An output in words. The first text is the quantity. The second text says when, such as ` after 1000 cycles`. An output

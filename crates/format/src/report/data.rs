@@ -44,7 +44,7 @@ pub fn documents(
                         [("/statistics", Part::Statistics), ("/histogram", Part::Histogram)]
                     {
                         let table = statistics::table(si, part)?;
-                        found.push((end, to_raw_value(&json!({part.name(): table}))?));
+                        found.push((end, to_raw_value(&json!({part.as_str(): table}))?));
                     }
                 }
             }

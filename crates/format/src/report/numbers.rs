@@ -56,7 +56,7 @@ fn pointers<'a>(name: &str, value: &'a Value) -> Vec<&'a str> {
 
 /// A text of a scenario: a number with a unit, or a word.
 fn typed(text: &str, notation: Notation) -> String {
-    let dimensions = Dimension::ALL.into_iter().filter(|it| *it != Dimension::Number);
+    let dimensions = Dimension::all().filter(|it| *it != Dimension::Number);
     let mut numbers = dimensions.filter_map(|it| Some((parse(text, it).ok()?, it.si())));
     let word = VALUES.iter().find(|(value, _)| *value == text).map(|(_, words)| *words);
     match numbers.next() {

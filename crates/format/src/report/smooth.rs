@@ -3,8 +3,10 @@
 use serde::{Deserialize, Serialize};
 use serde_json::value::{RawValue, to_raw_value};
 use serde_json::{Value, json};
+use utoipa::ToSchema;
 
 use crate::{Document, Part, Result, View};
+use fretwork_engine::History;
 use fretwork_job::{Prepared, TaskKind};
 use fretwork_study::LONGEST_EVALUATION;
 
@@ -22,12 +24,15 @@ pub struct Denser {
     volume: f64,
 }
 
-/// The columns of a run with more output cycles.
-#[derive(Debug, Default, Serialize)]
+/// The histories of a run at more output cycles, in SI. Both are null if the stored points are the best there are.
+#[derive(Debug, Default, Serialize, ToSchema)]
+#[schema(as = SmoothHistories)]
 pub struct Histories {
     /// The history.
+    #[schema(value_type = Option<History>)]
     pub history: Option<Box<RawValue>>,
-    /// The history by the simplified rule, if the result has a comparison.
+    /// The history by the simplified rule; null if the result has no comparison.
+    #[schema(value_type = Option<History>)]
     pub simplified: Option<Box<RawValue>>,
 }
 

@@ -47,7 +47,6 @@ pub fn largest<'a>(parts: impl IntoIterator<Item = &'a Part>) -> Option<&'a Part
 }
 
 /// A trace with its unworn surface, and the parts that deviate from it.
-#[derive(Debug)]
 pub struct PreparedTrace {
     /// Its points.
     pub points: Points,

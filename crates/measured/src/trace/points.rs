@@ -8,7 +8,7 @@
 use std::ops::Range;
 
 use crate::curve::{self, enough, is_spike, median, spread};
-use crate::notes::Notes;
+use crate::notes::{Notes, counted};
 
 /// Minimum number of points.
 pub const FEWEST: usize = 30;
@@ -23,6 +23,11 @@ const CHANCE: f64 = 1e-6;
 /// The range of the instrument ends at a height that occurs this many times as often as any other: heights with few digits
 /// repeat, too.
 const OFTEN: usize = 2;
+
+/// Heights jump by this many times the noise, and this many times as steeply as near there.
+const JUMP: (f64, f64) = (10.0, 6.0);
+/// The number of neighbours on each side that are near.
+const NEAR: usize = 5;
 
 /// Points of a trace: x and z.
 pub type Points = Vec<(f64, f64)>;
@@ -67,6 +72,20 @@ fn noise_beyond_rounding(points: &[(f64, f64)]) -> Option<(f64, f64)> {
     (noise > step).then_some((noise, step))
 }
 
+/// The points after which the heights jump by more than `least` and the noise, as where two images were joined.
+pub fn jumps(points: &[(f64, f64)], least: f64) -> Vec<usize> {
+    let steps =
+        points.windows(2).map(|pair| [pair[1].0 - pair[0].0, (pair[1].1 - pair[0].1).abs()]);
+    let steps: Vec<[f64; 2]> = steps.collect();
+    let least = least.max(JUMP.0 * noise(points));
+    let slopes: Vec<f64> = steps.iter().map(|[length, height]| height / length).collect();
+    let is_jump = |at: &usize| {
+        let near = &slopes[at.saturating_sub(NEAR)..(at + NEAR + 1).min(slopes.len())];
+        steps[*at][1] > least && slopes[*at] > JUMP.1 * median(near.iter().copied())
+    };
+    (0..steps.len()).filter(is_jump).collect()
+}
+
 /// The points of a trace, from the lowest x to the highest one.
 pub fn ascending(rows: Points, is_half: bool, notes: &mut Notes) -> Result<Points, String> {
     let mut points = enough(rows, FEWEST, "rows with both numbers")?;
@@ -103,11 +122,8 @@ fn averaged(points: &[(f64, f64)], notes: &mut Notes) -> Points {
     let chunks = points.chunk_by(|one, next| one.0 == next.0);
     let mean = |equal: &[(f64, f64)]| heights(equal).iter().sum::<f64>() / equal.len() as f64;
     let kept: Points = chunks.map(|equal| (equal[0].0, mean(equal))).collect();
-    let more = points.len() - kept.len();
-    if more > 0 {
-        let told = "points have the x of the point before them, and were averaged.";
-        notes.push(format!("{more} {told}"));
-    }
+    let told = "points have the x of the point before them, and were averaged.";
+    counted(notes, points.len() - kept.len(), told);
     kept
 }
 
@@ -176,10 +192,7 @@ fn without_spikes(points: &[(f64, f64)], notes: &mut Notes) -> Points {
     let least = (FAR.0 * noise(points)).max(FAR.1 * spread(&heights));
     let rows = (0..points.len()).filter(|row| !is_spike(&heights, *row, 2, least));
     let kept: Points = rows.map(|row| points[row]).collect();
-    let dropped = points.len() - kept.len();
-    if dropped > 0 {
-        notes.push(format!("{dropped} isolated spike point(s) were dropped."));
-    }
+    counted(notes, points.len() - kept.len(), "isolated spike point(s) were dropped.");
     kept
 }
 

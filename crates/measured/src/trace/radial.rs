@@ -17,7 +17,6 @@ type Bin = [f64; 4];
 type Depths = Vec<Option<f64>>;
 
 /// A trace over the distance from the axis.
-#[derive(Debug)]
 pub struct Radial {
     /// The radii, the first of which are inside of the scar (all if there is no scar).
     pub radius: Vec<f64>,

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::parts::{Part, PreparedTrace, UNWORN, find, largest, named};
-use super::points::{Points, clipped, limits, noise};
+use super::points::{Points, clipped, jumps, limits, noise};
 use super::surface::Surface;
 use super::wanted::{Prepare, Up, Wanted};
 use crate::curve::median;
@@ -33,6 +33,9 @@ const SHARE: f64 = 0.01;
 const GAP: f64 = 1.7;
 const TOLD: f64 = 0.02;
 const HIDDEN: f64 = 0.4;
+/// A jump of the heights by this share of the largest depth is told, at so many places.
+const JUMP: f64 = 0.05;
+const MOST: usize = 4;
 /// The core of a scar is deeper than this share of the largest depth.
 const CORE: f64 = 0.1;
 
@@ -41,7 +44,6 @@ const UM: f64 = 1e6;
 pub const CHOOSE: &str = "choose it with scar=FROM..TO, such as scar=0.4..1.6mm";
 
 /// The scar of a trace whose heights point out of the material.
-#[derive(Debug)]
 pub struct Scar {
     /// The trace, and all its parts.
     pub trace: PreparedTrace,
@@ -58,7 +60,6 @@ pub struct Scar {
 }
 
 /// A stretch whose heights are not known, or of which some are clipped.
-#[derive(Debug, Clone)]
 pub struct Gap {
     /// The points from its first end to the last one.
     pub range: Range<usize>,
@@ -155,6 +156,7 @@ pub fn scar(mut points: Points, wanted: &Wanted<'_>, notes: &mut Notes) -> Resul
     scar.check_sign(wanted)?;
     scar.choose(wanted, notes)?;
     scar.check_gaps(notes)?;
+    scar.tell_jumps(notes);
     Ok(scar)
 }
 
@@ -318,6 +320,21 @@ impl Scar {
             self.gaps.push(Gap { range, error: 0.5 * (to - from) / (last - first) * deepest });
         }
         Ok(())
+    }
+
+    /// Says where the heights jump.
+    fn tell_jumps(&self, notes: &mut Notes) {
+        let points = &self.trace.points;
+        let jumps = jumps(points, JUMP * self.deepest(&self.range));
+        let place = |at: &usize| format!("{:.3} um", UM * points[*at].0);
+        let places: Vec<String> = jumps.iter().take(MOST).map(place).collect();
+        if !places.is_empty() {
+            notes.push(format!(
+                "The heights jump near x = {}. If the instrument joined images there, depth, area and volume are wrong: measure \
+                 the scar and both sides in one image. If the indenter has an edge there, the numbers are right.",
+                places.join(", ")
+            ));
+        }
     }
 
     /// Refuses a scar whose sides are not one plane or circle, or are not measured.

@@ -21,7 +21,6 @@ use super::scar::{Gap, Scar};
 const ALIKE: f64 = 0.007;
 
 /// A number with its standard deviation.
-#[derive(Debug, Clone, Copy, Default)]
 pub struct Size {
     /// The number.
     pub value: f64,
@@ -60,7 +59,6 @@ impl Size {
 }
 
 /// The axis, and the sizes about it.
-#[derive(Debug)]
 pub struct Sizes<'a> {
     pub scar: &'a Scar,
     /// The axis in x, and its standard deviation.

@@ -1,6 +1,7 @@
 //! What is wanted from a file.
 
 use fretwork_engine::input::quantity::{Dimension, parse};
+use fretwork_json::words;
 
 /// What is wanted from a file.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -42,18 +43,14 @@ impl Wanted<'_> {
     }
 }
 
-/// Where the heights of a trace point.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Up {
-    /// Out of the material.
-    Out,
-    /// Into the material.
-    In,
-}
-
-impl Up {
-    /// The name of each.
-    pub const NAMES: [(&'static str, Self); 2] = [("out", Self::Out), ("in", Self::In)];
+words! {
+    /// Where the heights of a trace point.
+    pub enum Up: "direction of heights" {
+        /// Out of the material.
+        Out = "out",
+        /// Into the material.
+        In = "in",
+    }
 }
 
 /// What [`ends`] reads.
@@ -68,25 +65,16 @@ pub fn ends(text: &str) -> Option<[f64; 2]> {
     (from < to && !unit.is_empty()).then_some([from, to])
 }
 
-/// What becomes of two columns.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Prepare {
-    /// Points of an output.
-    Points,
-    /// A profilometer trace across the whole scar becomes a profile.
-    Trace,
-    /// A trace from the axis outwards becomes a profile.
-    Half,
-    /// Friction force over displacement becomes cycles with their energies.
-    Loop,
-}
-
-impl Prepare {
-    /// The name of each.
-    pub const NAMES: [(&'static str, Self); 4] = [
-        ("points", Self::Points),
-        ("trace", Self::Trace),
-        ("half", Self::Half),
-        ("loop", Self::Loop),
-    ];
+words! {
+    /// What becomes of two columns.
+    pub enum Prepare: "preparation" {
+        /// Points of an output.
+        Points = "points",
+        /// A profilometer trace across the whole scar becomes a profile.
+        Trace = "trace",
+        /// A trace from the axis outwards becomes a profile.
+        Half = "half",
+        /// Friction force over displacement becomes cycles with their energies.
+        Loop = "loop",
+    }
 }

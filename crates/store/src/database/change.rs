@@ -3,7 +3,6 @@
 use std::future::Future;
 
 use crate::database::error::Result;
-use crate::database::row::Columns as _;
 use crate::database::signals::Effect;
 use crate::database::statement::sql;
 use crate::database::tables::{Connected, Connection, Tables as _};

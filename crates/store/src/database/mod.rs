@@ -21,9 +21,9 @@ pub(crate) use error::{Command, Doing, Error, IDEMPOTENCY, Result, is_other_file
 pub(crate) use options::{FileSizes, MAX_LOST, Options, Recovered};
 pub(crate) use place::{DatabaseUrl, Place};
 pub(crate) use reach::Reach;
-pub(crate) use row::{Columns, Row, RunId, RunPart, Sum, cells, changes, checksum, page_of, read};
+pub(crate) use row::{Row, RunId, RunPart, Sum, cells, changes, checksum, page_of, read};
 pub(crate) use signals::{Changes, Deletions, Effect, READ_AT_ONCE, Signals, Stop};
 pub(crate) use statement::{Statement, sql};
-pub(crate) use tables::{Connected, Connection, Lock, Most, Purpose, Tables};
+pub(crate) use tables::{Connected, Connection, Lock, Purpose, Tables};
 pub(crate) use tally::{Ending, Tally};
 pub(crate) use words::Words;

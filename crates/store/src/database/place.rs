@@ -25,12 +25,6 @@ impl From<&Path> for Place {
     }
 }
 
-impl From<DatabaseUrl> for Place {
-    fn from(url: DatabaseUrl) -> Self {
-        Self::Shared(url)
-    }
-}
-
 impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

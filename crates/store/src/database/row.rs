@@ -4,10 +4,10 @@ use std::array::TryFromSliceError;
 
 use serde_json::Value;
 use sha2::{Digest as _, Sha256};
-use sqlx::Row as _;
 use sqlx::error::BoxDynError;
 use sqlx::postgres::PgRow;
 use sqlx::sqlite::SqliteRow;
+use sqlx::{Decode, Postgres, Row as _, Sqlite, Type};
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::database::body::Body;
@@ -20,53 +20,33 @@ pub struct RunId(pub i64);
 /// The part of a run that one worker computes: the whole run (`None`), or the piece of a study with this number.
 pub(crate) type RunPart = (RunId, Option<u32>);
 
-/// A row of a database. Each method reads a column of one SQL type, and returns `None` if the column is null.
-pub(crate) trait Columns {
-    fn integer(&self, column: &str) -> sqlx::Result<Option<i64>>;
-    fn real(&self, column: &str) -> sqlx::Result<Option<f64>>;
-    fn truth(&self, column: &str) -> sqlx::Result<Option<bool>>;
-    fn text(&self, column: &str) -> sqlx::Result<Option<&str>>;
-    fn bytes(&self, column: &str) -> sqlx::Result<Option<&[u8]>>;
-
-    /// Reads a column as the type that the caller needs.
-    fn get<'r, T: Cell<'r>>(&'r self, column: &str) -> sqlx::Result<T>
-    where
-        Self: Sized,
-    {
-        T::read(self, column)
-    }
-}
-
 /// A row of either database.
 pub(crate) enum Row {
     Sqlite(SqliteRow),
     Postgres(PgRow),
 }
 
-/// Implements [`Columns`] by the conversions of sqlx.
-macro_rules! columns {
-    ($row:ty, $self:ident, $column:ident => $value:expr) => {
-        columns!($row, $self, $column => $value, integer: i64, real: f64, truth: bool, text: &str, bytes: &[u8]);
-    };
-    ($row:ty, $self:ident, $column:ident => $value:expr, $($method:ident: $kind:ty),*) => {
-        impl Columns for $row { $(
-            fn $method(&$self, $column: &str) -> sqlx::Result<Option<$kind>> {
-                $value
-            }
-        )* }
-    };
+impl Row {
+    /// Reads a column as the type that the caller needs.
+    pub(crate) fn get<'r, T: Cell<'r>>(&'r self, column: &str) -> sqlx::Result<T> {
+        T::read(self, column)
+    }
+
+    /// Reads a column as a type that both drivers know. Returns `None` if the column is null.
+    pub(crate) fn value<'r, T>(&'r self, column: &str) -> sqlx::Result<Option<T>>
+    where
+        T: Decode<'r, Sqlite> + Type<Sqlite> + Decode<'r, Postgres> + Type<Postgres>,
+    {
+        match self {
+            Self::Sqlite(row) => row.try_get(column),
+            Self::Postgres(row) => row.try_get(column),
+        }
+    }
 }
 
-columns!(SqliteRow, self, column => self.try_get(column));
-columns!(PgRow, self, column => self.try_get(column));
-columns!(Row, self, column => match self {
-    Self::Sqlite(row) => row.try_get(column),
-    Self::Postgres(row) => row.try_get(column),
-});
-
-/// A type that [`Columns::get`] can return. For a null column, an `Option` is `None`, and any other type is an error.
+/// A type that [`Row::get`] can return. For a null column, an `Option` is `None`, and any other type is an error.
 pub(crate) trait Cell<'r>: Sized {
-    fn read(row: &'r impl Columns, column: &str) -> sqlx::Result<Self>;
+    fn read(row: &'r Row, column: &str) -> sqlx::Result<Self>;
 }
 
 /// Turns a failed conversion of a value into an error of sqlx.
@@ -76,17 +56,17 @@ pub(crate) fn decoded<T, E: Into<BoxDynError>>(
     value.transpose().map_err(|error| sqlx::Error::Decode(error.into()))
 }
 
-/// Implements [`Cell`] for types. A method of [`Columns`] reads the column, and a function converts the value.
+/// Implements [`Cell`] for types. The drivers read the column as the first type, and a function converts the value.
 macro_rules! cells {
-    ($($method:ident by $convert:path: $($kind:ty),+;)*) => { $($(
+    ($($raw:ty => $convert:path: $($kind:ty),+;)*) => { $($(
         impl<'r> $crate::database::row::Cell<'r> for Option<$kind> {
-            fn read(row: &'r impl $crate::database::row::Columns, column: &str) -> sqlx::Result<Self> {
-                $crate::database::row::decoded(row.$method(column)?.map(|value| $convert(value)))
+            fn read(row: &'r $crate::database::row::Row, column: &str) -> sqlx::Result<Self> {
+                $crate::database::row::decoded(row.value::<$raw>(column)?.map(|value| $convert(value)))
             }
         }
 
         impl<'r> $crate::database::row::Cell<'r> for $kind {
-            fn read(row: &'r impl $crate::database::row::Columns, column: &str) -> sqlx::Result<Self> {
+            fn read(row: &'r $crate::database::row::Row, column: &str) -> sqlx::Result<Self> {
                 row.get::<Option<$kind>>(column)?.ok_or_else(|| {
                     sqlx::Error::Decode(format!("the column {column} has no value").into())
                 })
@@ -96,16 +76,16 @@ macro_rules! cells {
 }
 
 cells! {
-    integer by TryFrom::try_from: i64, u64, u32, u8;
-    real by TryFrom::try_from: f64;
-    truth by TryFrom::try_from: bool;
-    text by TryFrom::try_from: &'r str, String;
-    text by str::parse: FailureKind, JobState, Origin, Recomputed, Verified;
-    text by changes: Vec<Change>;
-    text by serde_json::from_str: Vec<String>, Value;
-    bytes by TryFrom::try_from: &'r [u8], Vec<u8>;
-    bytes by key: Key;
-    bytes by job_id: JobId;
+    i64 => TryFrom::try_from: i64, u64, u32, u8;
+    f64 => TryFrom::try_from: f64;
+    bool => TryFrom::try_from: bool;
+    &str => TryFrom::try_from: &'r str, String;
+    &str => str::parse: FailureKind, JobState, Origin, Recomputed, Verified;
+    &str => changes: Vec<Change>;
+    &str => serde_json::from_str: Vec<String>, Value;
+    &[u8] => TryFrom::try_from: &'r [u8], Vec<u8>;
+    &[u8] => key: Key;
+    &[u8] => job_id: JobId;
 }
 
 /// Builds a struct from a row. The fields before the semicolon are read from the columns with their names. The caller
@@ -164,7 +144,7 @@ pub(crate) enum Sum {
 
 impl Sum {
     /// Reads the columns `checksum` and `digest`.
-    pub(crate) fn read(row: &impl Columns) -> sqlx::Result<Self> {
+    pub(crate) fn read(row: &Row) -> sqlx::Result<Self> {
         Ok(match row.get::<Option<i64>>("checksum")? {
             Some(checksum) => Self::Check(checksum),
             None => Self::Digest(row.get("digest")?),

@@ -20,13 +20,6 @@ pub(crate) enum Lock {
     Maintenance = 0x6672_6574_0003,
 }
 
-/// Maximum number of rows of an answer that are read.
-#[derive(Debug, Clone, Copy)]
-pub(crate) enum Most {
-    One,
-    All,
-}
-
 /// The purpose for which the store needs a connection.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Purpose {
@@ -44,20 +37,15 @@ pub(crate) enum Purpose {
 /// Reads the tables. Implemented by connections, and by the store, which uses one of its connections for each
 /// statement.
 pub(crate) trait Tables: Send {
-    /// Reads the rows that a statement returns.
-    fn read(&mut self, statement: Statement, most: Most) -> Doing<'_, Vec<Row>>;
+    /// The rows that a statement returns.
+    fn rows(&mut self, statement: Statement) -> Doing<'_, Vec<Row>>;
 
-    /// All rows.
-    async fn rows(&mut self, statement: Statement) -> Result<Vec<Row>> {
-        self.read(statement, Most::All).await
-    }
-
-    /// The first row, if there is one.
+    /// The row of a statement that returns at most one.
     async fn row(&mut self, statement: Statement) -> Result<Option<Row>> {
-        Ok(self.read(statement, Most::One).await?.pop())
+        Ok(self.rows(statement).await?.pop())
     }
 
-    /// The first row of a statement that always returns one.
+    /// The row of a statement that always returns one.
     async fn one(&mut self, statement: Statement) -> Result<Row> {
         Ok(self.row(statement).await?.ok_or(sqlx::Error::RowNotFound)?)
     }
@@ -81,15 +69,6 @@ pub(crate) trait Connected: Send {
     /// Executes a statement, and returns the number of rows that the statement has changed.
     fn changed_by(&mut self, statement: Statement) -> Doing<'_, u64> {
         self.connection().changed_by(statement)
-    }
-
-    /// In PostgreSQL, executes a statement that takes a lock until the end of the transaction. SQLite needs no lock,
-    /// because it has one writer.
-    async fn lock(&mut self, statement: Statement) -> Result<()> {
-        match self.connection() {
-            Connection::Sqlite(_) => Ok(()),
-            postgres @ Connection::Postgres(_) => postgres.changed_by(statement).await.map(drop),
-        }
     }
 }
 
@@ -120,8 +99,8 @@ connected! {
 }
 
 impl<T: Connected> Tables for T {
-    fn read(&mut self, statement: Statement, most: Most) -> Doing<'_, Vec<Row>> {
-        self.connection().read(statement, most)
+    fn rows(&mut self, statement: Statement) -> Doing<'_, Vec<Row>> {
+        self.connection().rows(statement)
     }
 }
 
@@ -136,19 +115,17 @@ impl<'a> Connection<'a> {
         })
     }
 
-    fn read(self, statement: Statement, most: Most) -> Doing<'a, Vec<Row>> {
-        macro_rules! fetch {
-            ($query:expr, $db:ident => $row:path) => {
-                match most {
-                    Most::One => $query.fetch_optional($db).await?.into_iter().map($row).collect(),
-                    Most::All => $query.fetch_all($db).await?.into_iter().map($row).collect(),
-                }
-            };
-        }
-        Box::pin(async move {
+    fn rows(self, statement: Statement) -> Doing<'a, Vec<Row>> {
+        Box::pin(async {
             Ok(match self {
-                Self::Sqlite(db) => fetch!(statement.sqlite(), db => Row::Sqlite),
-                Self::Postgres(db) => fetch!(statement.postgres(), db => Row::Postgres),
+                Self::Sqlite(db) => {
+                    let rows = statement.sqlite().fetch_all(db).await?;
+                    rows.into_iter().map(Row::Sqlite).collect()
+                }
+                Self::Postgres(db) => {
+                    let rows = statement.postgres().fetch_all(db).await?;
+                    rows.into_iter().map(Row::Postgres).collect()
+                }
             })
         })
     }

@@ -1,6 +1,6 @@
 //! What requests to cancel or delete a job do.
 
-use crate::database::{Change, Columns, Connected, Effect, Result, RunId, Tables, sql};
+use crate::database::{Change, Connected, Effect, Result, RunId, Tables, sql};
 use crate::jobs::read;
 use crate::team::audit::{Act, Actor, record};
 use fretwork_job::{Job, JobId, JobState};
@@ -38,9 +38,10 @@ pub(crate) async fn delete((id, by): &(JobId, Actor), mut tx: Change<'_>) -> Res
     // Without this lock, two servers could delete the last two jobs of a run at the same time. Each would still see
     // the job of the other, and the run would stay without a job.
     let lock = sql!(
-        "SELECT 1 FROM run WHERE id = (SELECT run FROM job WHERE id = $1) FOR NO KEY UPDATE"; *id
+        "SELECT 1 FROM run WHERE id = (SELECT run FROM job WHERE id = $1)" ["" | " FOR NO KEY UPDATE"] "";
+        *id
     );
-    tx.lock(lock).await?;
+    tx.execute(lock).await?;
     delete_job(id.0.as_bytes(), &mut tx).await?;
     tx.effects.push(Effect::Ended(job.key));
     Ok(Deleted::Done)

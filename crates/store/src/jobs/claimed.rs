@@ -3,9 +3,7 @@
 use std::borrow::Cow;
 use std::time::Duration;
 
-use crate::database::{
-    Body, Columns, Connected, Effect, Result, Row, RunId, RunPart, Stop, Tables, read, sql,
-};
+use crate::database::{Connected, Effect, Result, Row, RunId, RunPart, Stop, Tables, read, sql};
 use fretwork_job::{Cost, Key};
 
 /// A run, or a piece of a study, that a worker has claimed.
@@ -164,22 +162,6 @@ impl Study {
     /// Number of finished pieces.
     pub(crate) fn done(&self) -> u32 {
         self.next - self.queued - self.running
-    }
-}
-
-/// A finished chunk, with the computed data and its cost.
-pub(crate) struct FinishedChunk {
-    pub(crate) claim: Claim,
-    pub(crate) body: Body,
-    pub(crate) cost: Cost,
-}
-
-impl FinishedChunk {
-    #[expect(clippy::expect_used, reason = "a chunk must not be lost silently")]
-    pub(crate) fn new(claimed: &Claimed, bytes: &[u8], cost: Cost) -> Self {
-        assert!(matches!(claimed.piece, Piece::Chunk { .. }), "{:?} is no chunk", claimed.piece);
-        let body = Body::pack(bytes).expect("any bytes can be compressed");
-        Self { claim: claimed.claim(), body, cost }
     }
 }
 

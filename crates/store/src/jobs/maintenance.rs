@@ -1,6 +1,6 @@
 //! Maintenance that both databases do with the same statements.
 
-use crate::database::{Change, Columns, Connected, Result, RunId, Tables, sql};
+use crate::database::{Change, Connected, Result, RunId, Tables, sql};
 
 /// Time in milliseconds for which the scenario of an evicted result is kept: a year.
 const KEEP_EVICTED: i64 = 365 * 24 * 3600 * 1000;

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::database::{Change, Columns as _, Connected as _, Result, Tables as _, sql};
+use crate::database::{Change, Connected as _, Result, Tables as _, sql};
 use crate::jobs::read;
 use crate::team::audit::{Act, Actor, record};
 use fretwork_job::{Job, JobId, Naming};
@@ -30,7 +30,7 @@ pub(crate) async fn rename(
         let delete = sql!(
             "DELETE FROM job_tag WHERE job = $1 AND tag IN (SELECT value FROM "
             ["json_each($2)" | "json_array_elements_text(CAST($2 AS JSON)) AS value"] ")";
-            *id, row.text("tags")?.unwrap_or("[]")
+            *id, row.value("tags")?.unwrap_or("[]")
         );
         tx.execute(delete).await?;
         let tags = Value::from(tags.clone()).to_string();

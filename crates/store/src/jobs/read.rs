@@ -1,9 +1,11 @@
 //! Reads jobs, pages of jobs, and results.
 
+use bytes::Bytes;
+
 use crate::database::{
-    Body, Columns, Error, Reach, Result, Row, RunId, Statement, Sum, Tables, Words, page_of, read,
-    sql,
+    Body, Error, Reach, Result, Row, RunId, Statement, Sum, Tables, Words, page_of, read, sql,
 };
+use crate::jobs::claimed::Claimed;
 use fretwork_job::{Canonical, Failure, Job, JobId, JobState, Key};
 
 /// Conditions on the jobs of a list. `None` means no condition.
@@ -251,27 +253,35 @@ pub(crate) async fn has_result(key: &Key, mut db: impl Tables) -> Result<bool> {
     Ok(db.one(query).await?.get("is_known")?)
 }
 
-/// The stored data of a finished chunk, and their hash.
-pub(crate) async fn chunk(
-    run: RunId,
-    number: u32,
-    mut db: impl Tables,
-) -> Result<Option<(Body, Sum)>> {
-    let query = sql!(
-        "SELECT body, checksum FROM chunk WHERE run = $1 AND number = $2 AND state = 'done'";
-        run, number
-    );
-    let Some(row) = db.row(query).await? else { return Ok(None) };
-    Ok(Some((Body::stored(row.get("body")?), Sum::Check(row.get("checksum")?))))
+/// The stored data of this chunk of a study. The inner error means that they are damaged.
+fn data(row: &Row, key: Key, number: u32) -> sqlx::Result<Result<Bytes>> {
+    let body = Body::stored(row.get("body")?);
+    let is_sound = body.checksum() == row.get::<i64>("checksum")?;
+    let bytes = is_sound.then(|| body.json().ok()).flatten();
+    Ok(bytes.ok_or(Error::DamagedChunk { key, number }))
 }
 
-/// The stored data of a finished chunk of a canceled study with this key and number of chunks, and its hash.
+/// The stored data of a finished chunk of a claimed study. The inner error means that they are damaged.
+pub(crate) async fn chunk(
+    claimed: &Claimed,
+    number: u32,
+    mut db: impl Tables,
+) -> Result<Option<Result<Bytes>>> {
+    let query = sql!(
+        "SELECT body, checksum FROM chunk WHERE run = $1 AND number = $2 AND state = 'done'";
+        claimed.run, number
+    );
+    Ok(db.row(query).await?.map(|row| data(&row, claimed.key, number)).transpose()?)
+}
+
+/// The stored data of a finished chunk of a canceled study with this key and number of chunks; `None` if there is none, or it is
+/// damaged.
 pub(crate) async fn canceled_chunk(
     key: &Key,
     number: u32,
     of: u32,
     mut db: impl Tables,
-) -> Result<Option<(Body, Sum)>> {
+) -> Result<Option<Bytes>> {
     // Only unfinished studies, and those of a week, have a row in `study`. A study whose result is stored is computed again
     // for a comparison, so nothing computed before may be a part of it.
     let query = sql!(
@@ -281,8 +291,8 @@ pub(crate) async fn canceled_chunk(
          LIMIT 1";
         key, number, of
     );
-    let Some(row) = db.row(query).await? else { return Ok(None) };
-    Ok(Some((Body::stored(row.get("body")?), Sum::Check(row.get("checksum")?))))
+    let found = db.row(query).await?.map(|row| data(&row, *key, number)).transpose()?;
+    Ok(found.and_then(Result::ok))
 }
 
 /// A study that is being computed or was canceled.
@@ -312,12 +322,13 @@ pub(crate) async fn unfinished_study(id: JobId, mut db: impl Tables) -> Result<O
     Ok(Some(read!(row => Unfinished { key, task, chunks, done })))
 }
 
-/// The stored data of the finished chunks of a job's study, with their numbers and hashes: at most as many as were done.
+/// The stored data of the finished chunks of a job's study, with their numbers: at most as many as were done. The inner errors mean that
+/// chunks are damaged.
 pub(crate) async fn chunks(
     id: JobId,
-    &Unfinished { chunks, done, .. }: &Unfinished,
+    &Unfinished { key, chunks, done, .. }: &Unfinished,
     mut db: impl Tables,
-) -> Result<Vec<(u32, Body, Sum)>> {
+) -> Result<Vec<Result<(u32, Bytes)>>> {
     let query = sql!(
         "SELECT number, body, checksum FROM job JOIN chunk ON chunk.run = job.run
          WHERE job.id = $1 AND chunk.state = 'done' AND number < $2 ORDER BY number LIMIT $3";
@@ -325,8 +336,8 @@ pub(crate) async fn chunks(
     );
     let rows = db.rows(query).await?;
     let chunk = |row: &Row| {
-        let body = Body::stored(row.get("body")?);
-        Ok((row.get("number")?, body, Sum::Check(row.get("checksum")?)))
+        let number = row.get("number")?;
+        Ok(data(row, key, number)?.map(|bytes| (number, bytes)))
     };
     rows.iter().map(chunk).collect()
 }

@@ -4,7 +4,7 @@ use std::num::NonZeroU32;
 
 use serde::Serialize;
 
-use crate::database::{Columns, Connected, Error, IDEMPOTENCY, Result, Tables, sql};
+use crate::database::{Connected, Error, IDEMPOTENCY, Result, Tables, sql};
 use crate::jobs::read;
 use crate::results::storing::Source;
 use fretwork_engine::scenario::Warning;

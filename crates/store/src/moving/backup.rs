@@ -16,8 +16,7 @@ use super::{
 };
 use crate::administration::PATIENCE;
 use crate::database::{
-    Body, Columns as _, Command, Connected as _, Error, Statement, Sum, Tables as _, sql,
-    unless_damaged,
+    Body, Command, Connected as _, Error, Statement, Sum, Tables as _, sql, unless_damaged,
 };
 use crate::sqlite::open::{self, DATABASE, LOCK};
 use crate::sqlite::{ledger, schema};
@@ -51,8 +50,8 @@ pub fn backup<'a>(dir: &'a Path, file: &'a Path) -> Command<'a, Saved, Moving> {
         require(&path)?;
         let part = PartialFile::of(file, ".part")?;
         let from = CopySource::of(&path, file)?;
-        inspect(from.path(), &path).await?;
-        copy(from.path(), &part.0).await?;
+        inspect(&from.path, &path).await?;
+        copy(&from.path, &part.0).await?;
         let saved = check(&part.0, &path).await?;
         part.name(file)?;
         Ok(saved)
@@ -116,8 +115,8 @@ async fn put_in_place(
     }
     let part = PartialFile::of(&path, ".part")?;
     let from = CopySource::of(file, &path)?;
-    inspect(from.path(), file).await?;
-    copy(from.path(), &part.0).await?;
+    inspect(&from.path, file).await?;
+    copy(&from.path, &part.0).await?;
     let mut db = SqliteConnection::connect_with(&open::connecting(&part.0)).await?;
     schema::migrate(&mut db, file).await?;
     db.close().await?;
@@ -148,24 +147,24 @@ async fn inspect(file: &Path, name: &Path) -> Result<(), Moving> {
 }
 
 /// The database to be copied.
-enum CopySource<'a> {
-    Original(&'a Path),
-    /// A copy of the database with its log and journal. It is removed when this is dropped.
-    Copy(PartialFile),
+struct CopySource {
+    path: PathBuf,
+    /// Removes the files at `path` when this is dropped, if they are a copy of the database with its log and journal.
+    _copy: Option<PartialFile>,
 }
 
-impl<'a> CopySource<'a> {
+impl CopySource {
     /// To read a database with a log or a journal, SQLite must write files beside it. On a read-only file system this
     /// is impossible, so the files are copied to the directory of `target`. The copy is sound only if no server writes
     /// to the database at the same time.
-    fn of(path: &'a Path, target: &Path) -> Result<Self, Moving> {
+    fn of(path: &Path, target: &Path) -> Result<Self, Moving> {
         let opened = File::options().write(true).open(path);
         let is_read_only =
             opened.is_err_and(|error| error.kind() == io::ErrorKind::ReadOnlyFilesystem);
         let has_journal = open::with_suffix(path, "-journal").exists();
         let uses_log = || open::uses_log(path).map_err(refused(path));
         if !is_read_only || !has_journal && uses_log()? != Some(true) {
-            return Ok(Self::Original(path));
+            return Ok(Self { path: path.to_owned(), _copy: None });
         }
         let copy = PartialFile::of(target, ".source")?;
         for suffix in ["", "-wal", "-journal"] {
@@ -177,14 +176,7 @@ impl<'a> CopySource<'a> {
                 _ => {}
             }
         }
-        Ok(Self::Copy(copy))
-    }
-
-    fn path(&self) -> &Path {
-        match self {
-            Self::Original(path) => path,
-            Self::Copy(part) => &part.0,
-        }
+        Ok(Self { path: copy.0.clone(), _copy: Some(copy) })
     }
 }
 

@@ -13,14 +13,13 @@ use data_encoding::HEXLOWER;
 use futures_util::TryStreamExt as _;
 use serde_json::Value;
 use sha2::{Digest as _, Sha256};
-use sqlx::sqlite::SqliteRow;
 use sqlx::{AssertSqlSafe, Connection as _, SqliteConnection};
 
 use super::damage::{Damage, SCHEMA, UNUSED, in_schema, locate};
 use super::{Moving, PartialFile, reading, refused, require, settle};
 use crate::administration::PATIENCE;
 use crate::database::{
-    Body, Columns, Command, Connected as _, Error, Result, Statement, Sum, Tables as _, changes,
+    Body, Command, Connected as _, Error, Result, Row, Statement, Sum, Tables as _, changes,
     checksum, is_other_file, sql, unless_damaged,
 };
 use crate::results::search::names;
@@ -241,6 +240,7 @@ async fn of_jobs(db: &mut SqliteConnection) -> Result<Vec<Damage>> {
     loop {
         match unless_damaged(rows.try_next().await)? {
             Ok(Some(row)) => {
+                let row = Row::Sqlite(row);
                 let wrong = contradiction(&row).unwrap_or_else(|error| Some(error.to_string()));
                 let id = row.get::<&str>("id").unwrap_or_default();
                 damage.extend(wrong.map(|what| Damage::at("job", id, what)));
@@ -255,7 +255,7 @@ async fn of_jobs(db: &mut SqliteConnection) -> Result<Vec<Damage>> {
 }
 
 /// A description of the first contradiction in the row of a job, if there is one.
-fn contradiction(row: &SqliteRow) -> sqlx::Result<Option<String>> {
+fn contradiction(row: &Row) -> sqlx::Result<Option<String>> {
     let Ok(changes) = changes(row.get("changes")?) else {
         return Ok(Some("changes has an entry that is not a change of state".to_owned()));
     };
@@ -303,6 +303,7 @@ async fn of_results(db: &mut SqliteConnection) -> Result<(Vec<Damage>, Vec<Vec<u
         match unless_damaged(query.fetch_optional(&mut *db).await)? {
             Ok(None) => return Ok((damage, sound)),
             Ok(Some(row)) => {
+                let row = Row::Sqlite(row);
                 last = row.get("key")?;
                 let (wrong, is_sound) = of_result(&row)
                     .unwrap_or_else(|error| (vec![(table_of(&error), error.to_string())], false));
@@ -341,7 +342,7 @@ fn table_of(error: &sqlx::Error) -> &'static str {
 }
 
 /// Each fault of a result: the table, and a description; and whether its body is sound.
-fn of_result(row: &SqliteRow) -> sqlx::Result<(Vec<(&'static str, String)>, bool)> {
+fn of_result(row: &Row) -> sqlx::Result<(Vec<(&'static str, String)>, bool)> {
     let (key, task) = (row.get("key")?, row.get::<Option<&str>>("task")?);
     let is_real = row.get::<Option<&str>>("kind")?.is_some();
     let of_task = |task| Canonical::in_stored(task).is_some_and(|asked| is_key_of(&key, &asked));
@@ -403,7 +404,7 @@ async fn derive(
 }
 
 /// Compares the summary and the outline, which lists and searches show, with the body of the result.
-fn of_document(row: &SqliteRow, document: &ResultDocument) -> Vec<(&'static str, String)> {
+fn of_document(row: &Row, document: &ResultDocument) -> Vec<(&'static str, String)> {
     let mut wrong = Vec::new();
     if !row.get("summary").is_ok_and(|found: Value| equal(&found, &document.summary)) {
         wrong.push(("result", "summary contradicts the body".to_owned()));

@@ -61,15 +61,16 @@ pub fn export<'a>(
         let mut out = Writer::start(out, &Head::of(keys.len())).map_err(refused(file))?;
         let mut done = Exported::default();
         for (place, key) in keys.iter().enumerate() {
-            match entry(&mut db, key).await? {
+            match entry(&mut db, key).await {
                 Ok((body, provenance)) => {
                     out.result(key, &body, provenance).map_err(refused(file))?;
                     done.results += 1;
                     done.bytes += body.get().len() as u64;
                 }
-                Err(Absent::Unknown) if named => return Err(Moving::UnknownKey(*key)),
-                Err(Absent::Damaged) if named => return Err(Moving::DamagedResult(*key)),
-                Err(_) => done.left_out.push(*key),
+                Err(Moving::UnknownKey(_) | Moving::DamagedResult(_)) if !named => {
+                    done.left_out.push(*key);
+                }
+                Err(error) => return Err(error),
             }
             progress(place + 1, keys.len());
         }
@@ -93,32 +94,23 @@ async fn matching(db: &mut Administration, search: &Search) -> Result<Vec<Key>, 
     }
 }
 
-/// Why a result cannot be exported.
-enum Absent {
-    Unknown,
-    Damaged,
-}
-
 /// The body of a result and what is known about it.
-async fn entry(
-    db: &mut Administration,
-    key: &Key,
-) -> Result<Result<(Box<RawValue>, Provenance), Absent>> {
+async fn entry(db: &mut Administration, key: &Key) -> Result<(Box<RawValue>, Provenance), Moving> {
     let (body, sum) = match read::result(key, i64::MAX, &mut *db).await {
         Ok(Some((StoredResult::Whole(body), sum))) => (body, sum),
-        Ok(_) => return Ok(Err(Absent::Unknown)),
-        Err(Error::Damaged(_)) => return Ok(Err(Absent::Damaged)),
-        Err(error) => return Err(error),
+        Ok(_) => return Err(Moving::UnknownKey(*key)),
+        Err(Error::Damaged(_)) => return Err(Moving::DamagedResult(*key)),
+        Err(error) => return Err(error.into()),
     };
     let Some(provenance) = Provenance::of(key, "", &mut *db).await? else {
-        return Ok(Err(Absent::Unknown));
+        return Err(Moving::UnknownKey(*key));
     };
     let json = Some(body).filter(|body| sum.is_of(body)).and_then(|body| body.json().ok());
     // A line feed would end the line. No result has one.
     let json = json.and_then(|json| String::from_utf8(json.into()).ok());
     let json =
         json.filter(|json| !json.contains('\n')).and_then(|json| RawValue::from_string(json).ok());
-    Ok(json.map(|json| (json, provenance)).ok_or(Absent::Damaged))
+    json.map(|json| (json, provenance)).ok_or(Moving::DamagedResult(*key))
 }
 
 /// Compresses the lines of an export.

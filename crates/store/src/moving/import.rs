@@ -45,7 +45,6 @@ pub struct Imported {
 }
 
 /// An import in progress. It skips results that the database already has, so an interrupted import can be repeated.
-#[derive(Debug)]
 pub struct Importer {
     lines: Lines,
     /// Number of results that were read.

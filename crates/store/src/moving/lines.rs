@@ -124,12 +124,6 @@ pub(super) struct Lines {
     json: Option<Bytes>,
 }
 
-impl std::fmt::Debug for Lines {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Lines").field("number", &self.number).finish_non_exhaustive()
-    }
-}
-
 /// What a file has next.
 pub(super) enum Next {
     Line(Bytes),

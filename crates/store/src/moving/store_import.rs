@@ -1,6 +1,6 @@
 //! Stores results of other servers, which an import has read from a file.
 
-use crate::database::{Change, Columns, Connected, Connection, Result, Tables, sql};
+use crate::database::{Change, Connected, Connection, Result, Tables, sql};
 use crate::results::library::Program;
 use crate::results::notes::Note;
 use crate::results::storing::{Answered, Source};

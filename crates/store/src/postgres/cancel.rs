@@ -3,7 +3,7 @@
 use super::chunks;
 use super::follow::{ended_by, follow};
 use super::transaction::Transaction;
-use crate::database::{Columns, Connected, Effect, Ending, Result, RunId, Tables, sql};
+use crate::database::{Connected, Effect, Ending, Result, RunId, Tables, sql};
 use crate::jobs::cancel::Canceled;
 use crate::jobs::read;
 use crate::team::audit::{Act, Actor, record};
@@ -63,7 +63,7 @@ async fn cancel_run(tx: &mut Transaction<'_>, run: RunId, is_study: bool) -> Res
         run, is_study
     );
     let Some(row) = tx.db.row(query).await? else { return Ok(()) };
-    if row.text("state")? == Some(JobState::Canceled.as_str()) {
+    if row.value("state")? == Some(JobState::Canceled.as_str()) {
         ended_by(tx, [(&run, &row)], Ending::Canceled).await?;
     } else {
         follow(tx, &[run.0]).await?;

@@ -8,8 +8,9 @@ use super::lease;
 use super::queue::Waiting;
 use super::transaction::Transaction;
 use crate::database::caution::{Caution, Verdict};
-use crate::database::{Columns, Connected, Effect, Result, RunId, Tables, read, sql};
-use crate::jobs::claimed::{Claim, Claimed, FinishedChunk, Stages, Study, is_step};
+use crate::database::{Body, Connected, Effect, Result, Row, RunId, Tables, read, sql};
+use crate::jobs::claimed::{Claim, Claimed, Stages, Study, is_step};
+use fretwork_job::Cost;
 
 /// Locks a study until the end of the transaction. Returns `None` if the run is no study.
 pub(super) async fn lock(tx: &mut Transaction<'_>, run: RunId) -> Result<Option<Study>> {
@@ -91,7 +92,7 @@ pub(super) async fn claim(
         run, number
     );
     let attempt = tx.db.one(query).await?;
-    if row.text("state")? == Some("queued") {
+    if row.value("state")? == Some("queued") {
         start(tx, run).await?;
         tx.effects.push(Effect::Changed(row.get("key")?));
     }
@@ -117,7 +118,7 @@ async fn start(tx: &mut Transaction<'_>, run: RunId) -> Result<()> {
 }
 
 pub(crate) async fn finish_chunk(
-    FinishedChunk { claim, body, cost }: &FinishedChunk,
+    (claim, body, cost): &(Claim, Body, Cost),
     tx: &mut Transaction<'_>,
 ) -> Result<bool> {
     let Claim { part: (run, Some(number)), attempt, .. } = *claim else { return Ok(false) };
@@ -188,6 +189,7 @@ pub(super) async fn lose(
          SELECT count(*) AS pieces, coalesce(max(lost), 0) AS most FROM requeued",
     );
     let lost = lost.bind(run.0).bind(pieces).fetch_one(tx.db.connection()).await?;
+    let lost = Row::Postgres(lost);
     let pieces: u32 = lost.get("pieces")?;
     let after = Study {
         running: before.running - pieces,

@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use super::transaction::Transaction;
-use crate::database::{Columns, Effect, Result, Tables, sql};
+use crate::database::{Effect, Result, Tables, sql};
 use crate::results::storing;
 
 /// Maximum number of results that one transaction evicts.

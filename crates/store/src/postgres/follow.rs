@@ -2,7 +2,7 @@
 
 use super::lease;
 use super::transaction::Transaction;
-use crate::database::{Columns, Effect, Ending, Result, Row, RunId};
+use crate::database::{Effect, Ending, Result, Row, RunId};
 
 /// Copies the states of runs to their unfinished jobs. An earlier statement must have locked the runs. A submission that
 /// adds a job to a run waits for this lock.
@@ -33,7 +33,7 @@ pub(super) async fn ended_by<'a>(
         let (started, finished): (Option<i64>, Option<i64>) =
             (row.get("started")?, row.get("finished")?);
         // The duration of a study is not recorded, because it may have waited between its pieces.
-        let took = finished.zip(started).filter(|_| matches!(row.truth("study"), Ok(Some(false))));
+        let took = finished.zip(started).filter(|_| matches!(row.value("study"), Ok(Some(false))));
         // Another worker may claim a released run before this signal arrives.
         if ending != Ending::Released {
             tx.effects.push(Effect::Unwanted(*run));

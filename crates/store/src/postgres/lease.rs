@@ -13,7 +13,7 @@ use sqlx::postgres::PgConnection;
 
 use super::Node;
 use super::transaction::Transaction;
-use crate::database::{Columns, Connected, Result, RunId, RunPart, sql};
+use crate::database::{Connected, Result, RunId, RunPart, sql};
 use crate::jobs::claimed::Claimed;
 
 /// A duration in milliseconds.
@@ -88,7 +88,7 @@ pub(super) async fn renew(
 ) -> Result<(i64, Vec<RunPart>)> {
     let (runs, numbers): (Vec<i64>, Vec<i64>) =
         parts.iter().map(|part| (part.0.0, number(*part))).unzip();
-    let rows = sqlx::query(
+    let held: Vec<(i64, i64)> = sqlx::query_as(
         // The fixed order of the locks makes deadlocks between renewals and verbs rare. After a deadlock, one is
         // retried.
         "WITH own AS MATERIALIZED (
@@ -108,11 +108,8 @@ pub(super) async fn renew(
     .fetch_all(&mut *db)
     .await?;
     let now = sqlx::query_scalar("SELECT moment()").fetch_one(db).await?;
-    let part = |row| {
-        let number = Columns::get::<i64>(row, "number")?;
-        Ok((RunId(Columns::get(row, "run")?), u32::try_from(number).ok()))
-    };
-    Ok((now, rows.iter().map(part).collect::<sqlx::Result<_>>()?))
+    let part = |(run, number)| (RunId(run), u32::try_from(number).ok());
+    Ok((now, held.into_iter().map(part).collect()))
 }
 
 /// The time by the clock of the database, and the runs with an expired lease.

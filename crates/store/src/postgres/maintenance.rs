@@ -129,28 +129,20 @@ impl Maintenance {
             let Some((stored, evicted, took)) = room else { return Ok(()) };
             db.0.signals.tally.bytes.set(stored);
             if evicted == 0 {
-                if stored <= budget {
-                    self.exceeds = false;
-                } else {
-                    self.warn(stored, budget);
+                let exceeds = stored > budget;
+                if exceeds && !self.exceeds {
+                    tracing::warn!(
+                        stored,
+                        budget,
+                        "the results exceed --keep-results, and only pinned results are left; unpin results or raise the limit"
+                    );
                 }
+                self.exceeds = exceeds;
                 self.room_due = Instant::now() + rest(self.budget, took);
                 return Ok(());
             }
         }
         Ok(())
-    }
-
-    /// Logs once that the budget is exceeded and all remaining results are pinned.
-    fn warn(&mut self, stored: i64, budget: i64) {
-        if !self.exceeds {
-            self.exceeds = true;
-            tracing::warn!(
-                stored,
-                budget,
-                "the results exceed --keep-results, and only pinned results are left; unpin results or raise the limit"
-            );
-        }
     }
 }
 

@@ -38,9 +38,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::{RwLock, Semaphore, watch};
 use tokio::time::timeout;
 
-use crate::database::{
-    Columns, Error, Most, Purpose, Result, Row, Signals, Statement, Tables, sql,
-};
+use crate::database::{Error, Purpose, Result, Row, Signals, Statement, Tables, sql};
 
 use backlog::Backlog;
 use contact::Contact;
@@ -114,12 +112,7 @@ impl Database {
     }
 
     /// Reads with a connection of the pool.
-    pub(super) async fn read(
-        &self,
-        purpose: Purpose,
-        statement: Statement,
-        most: Most,
-    ) -> Result<Vec<Row>> {
+    pub(super) async fn read(&self, purpose: Purpose, statement: Statement) -> Result<Vec<Row>> {
         let permit = async {
             match purpose {
                 Purpose::Any | Purpose::Keys => Ok(None),
@@ -129,7 +122,7 @@ impl Database {
         };
         let permit = timeout(PATIENCE, permit).await.map_err(|_| Error::Exhausted)?;
         let _permit = permit.map_err(|_| Error::Closed)?;
-        reading!(self, db => db.read(statement.clone(), most).await)
+        reading!(self, db => db.rows(statement.clone()).await)
     }
 
     /// The time that the oldest queued run has waited. Also counts the queued and running runs and the dead rows for the

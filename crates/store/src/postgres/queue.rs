@@ -11,7 +11,7 @@ use std::time::Instant;
 use parking_lot::Mutex;
 
 use super::rest::{self, Rest};
-use crate::database::{Columns, Result, Statement, Tables};
+use crate::database::{Result, Statement, Tables};
 use fretwork_job::ENGINE;
 
 /// The owners with work for a worker of the `numerics` version $1, with their most urgent jobs and the numbers of their

@@ -19,8 +19,7 @@ use super::transaction::{Transaction, reading};
 use crate::database::caution::{Caution, Verdict};
 use crate::database::usage::Owners;
 use crate::database::{
-    Columns, Connected, Effect, Ending, MAX_LOST, Recovered, Result, Row, RunId, Statement, Tables,
-    sql,
+    Connected, Effect, Ending, MAX_LOST, Recovered, Result, Row, RunId, Statement, Tables, sql,
 };
 use crate::jobs::claimed::{Claim, Claimed};
 use crate::results::storing::{self, Answered, Finish, Source};
@@ -224,8 +223,8 @@ async fn claim_whole(
     );
     let mut claims = Vec::new();
     for row in rows.bind(&runs).fetch_all(tx.db.connection()).await? {
-        let claimed =
-            Claimed::whole(RunId(row.get("id")?), waiting.owner.clone(), &Row::Postgres(row))?;
+        let row = Row::Postgres(row);
+        let claimed = Claimed::whole(RunId(row.get("id")?), waiting.owner.clone(), &row)?;
         tx.effects.push(Effect::Changed(claimed.key));
         claims.push(claimed);
     }
@@ -281,12 +280,13 @@ pub(crate) async fn finish(
     let rows = rows.bind(&runs).bind(attempts).bind(digests).fetch_all(tx.db.connection()).await?;
     let mut rows: HashMap<_, _> = rows
         .into_iter()
-        .map(|row| Ok((RunId(row.get("id")?), Row::Postgres(row))))
+        .map(Row::Postgres)
+        .map(|row| Ok((RunId(row.get("id")?), row)))
         .collect::<sqlx::Result<_>>()?;
     for (claimed, answer) in all {
         let Some(row) = rows.get(&claimed.run) else { continue };
         let task = claimed.task(&mut tx.db).await?;
-        let (key, owner, warnings) = (claimed.key, row.text("owner")?, row.get("warnings")?);
+        let (key, owner, warnings) = (claimed.key, row.value("owner")?, row.get("warnings")?);
         let (job, trace) = (row.get("first_job")?, claimed.trace.as_deref());
         let (program, now) = (Some(tx.of.node.program), row.get("finished")?);
         let source = Source { key, task: &task, owner, job, warnings, trace, program, now };
@@ -407,7 +407,7 @@ async fn reclaim((run, always): &(RunId, bool), tx: &mut Transaction<'_>) -> Res
         Some(study) => chunks::lose(tx, run, study, &pieces).await?,
         None => row.get::<u32>("lost")?,
     };
-    if row.text("state")? == Some(JobState::Canceling.as_str()) {
+    if row.value("state")? == Some(JobState::Canceling.as_str()) {
         let query = sql!(
             "UPDATE run SET state = 'canceled', finished = moment(), changed = moment() WHERE id = $1";
             run

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use super::transaction::Transaction;
 use super::{chunks, storing};
-use crate::database::{Columns, Connected, Effect, Ending, Error, Result, Row, RunId, Tables, sql};
+use crate::database::{Connected, Effect, Ending, Error, Result, Row, RunId, Tables, sql};
 use crate::jobs::read::read_job;
 use crate::jobs::submit::{Admission, NewJob, Queued, Submitted, json};
 use crate::results::storing::Answered;
@@ -209,11 +209,12 @@ async fn insert_row(tx: &mut Transaction<'_>, new: &NewJob, place: &ResultSource
 /// and a run is live, the jobs use that result or run, and the answer is dropped. If the result is evicted and no run
 /// is live, this returns [`Submitted::NeedsRun`].
 pub(crate) async fn record(
-    (jobs, answer, wall): &(Vec<NewJob>, Answered, Duration),
+    (jobs, answer): &(Vec<NewJob>, Answered),
     tx: &mut Transaction<'_>,
 ) -> Result<Vec<Submitted>> {
     let Some(first) = jobs.first() else { return Ok(Vec::new()) };
-    let took = i64::try_from(wall.as_millis()).unwrap_or(i64::MAX);
+    let took = answer.cost.map_or(Duration::ZERO, |cost| cost.wall);
+    let took = i64::try_from(took.as_millis()).unwrap_or(i64::MAX);
     let now = tx.now().await?;
     let (key, source) = (first.key, first.source(tx.of.node.program, now));
     let is_stored = storing::store(&mut tx.db, answer, &source, false).await?;

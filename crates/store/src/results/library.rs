@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::database::{Columns, Connected, Error, Result, Row, Statement, Tables, read, sql};
+use crate::database::{Connected, Error, Result, Row, Statement, Tables, read, sql};
 use crate::results::notes::{self, Note};
 use fretwork_job::{Canonical, ENGINE, JobId, Key, Verified};
 

@@ -1,8 +1,6 @@
 //! Notes on results. A result has one note that all see, and a private note of each owner who keeps names private.
 
-use crate::database::{
-    Change, Columns, Connected, Result, Row, Statement, Tables, checksum, read, sql,
-};
+use crate::database::{Change, Connected, Result, Row, Statement, Tables, checksum, read, sql};
 use crate::team::audit::{Act, Actor, record};
 use fretwork_job::Key;
 

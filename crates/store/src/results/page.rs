@@ -8,7 +8,7 @@ use serde::Deserialize;
 use super::notes::{self, Note};
 use super::search::{Search, SortOrder, names};
 use crate::database::reach::Seen;
-use crate::database::{Columns, Reach, Result, Row, Statement, Tables, page_of, read, sql};
+use crate::database::{Reach, Result, Row, Statement, Tables, page_of, read, sql};
 use fretwork_job::{JobId, Key, Outline, SCALARS, WORDS};
 
 /// The position of the last result of a page: its value in the sort column, and its row number.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::range::{Range, moment};
-use crate::database::{Columns, Reach, Result, Statement, Tables, Words, sql};
+use crate::database::{Reach, Result, Statement, Tables, Words, sql};
 use fretwork_engine::input::quantity::Dimension;
 use fretwork_job::{Key, Outline, SCALARS, WORDS};
 
@@ -107,11 +107,7 @@ impl Search {
             self.restrict(scalar.name, Range::quantity(value, scalar.dimension)?);
             return Ok(());
         }
-        let flag = || match value {
-            "true" => Ok(true),
-            "false" => Ok(false),
-            _ => Err(format!("must be true or false, got {value:?}")),
-        };
+        let flag = || value.parse().map_err(|_| format!("must be true or false, got {value:?}"));
         match name {
             "created" => self.restrict("created", Range::read(value, moment)?),
             "size" => self.restrict("size", Range::quantity(value, Dimension::Number)?),

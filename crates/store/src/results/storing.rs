@@ -3,7 +3,7 @@
 use sha2::{Digest, Sha256};
 
 use crate::database::{
-    Body, Change, Columns, Connected, Effect, Lock, Reach, Result, Row, Statement, Tables, sql,
+    Body, Change, Connected, Effect, Lock, Reach, Result, Row, Statement, Tables, sql,
 };
 use crate::results::search::names;
 use crate::team::audit::{Act, Actor, record};
@@ -115,8 +115,8 @@ pub(crate) async fn pin(
     (key, pinned, editor, quota): &(Key, bool, Reach, PinQuota),
     mut tx: Change<'_>,
 ) -> Result<Changed> {
-    // Without this lock, several servers could exceed the quota together.
-    tx.lock(sql!("SELECT pg_advisory_xact_lock($1)"; Lock::Pins as i64)).await?;
+    // Without this lock, several servers could exceed the quota together. SQLite needs none, because it has one writer.
+    tx.execute(sql!("SELECT " ["" | "pg_advisory_xact_lock"] "($1)"; Lock::Pins as i64)).await?;
     let query = sql!(
         "SELECT pinned, pinned_by, stored FROM result WHERE key = $1 AND evicted IS NULL"
         ["" | " FOR NO KEY UPDATE"] "";
@@ -138,7 +138,7 @@ pub(crate) async fn pin(
         if let Some(exceeded) = quota.exceeded_by(own + bytes, all + bytes) {
             return Ok(exceeded);
         }
-    } else if !editor.may_change(row.text("pinned_by")?.unwrap_or_default()) {
+    } else if !editor.may_change(row.value("pinned_by")?.unwrap_or_default()) {
         return Ok(Changed::OtherOwner(row.get("pinned_by")?));
     }
     let owner = pinned.then_some(&editor.owner);
@@ -165,7 +165,7 @@ pub(crate) async fn remove((key, by): &(Key, Actor), mut tx: Change<'_>) -> Resu
     if row.get("pinned")? {
         return Ok(Removed::Pinned);
     }
-    let (now, owner) = (tx.now().await?, row.text("owner")?.unwrap_or_default());
+    let (now, owner) = (tx.now().await?, row.value("owner")?.unwrap_or_default());
     record(&mut tx, now, (by, Act::DeleteResult), &key.to_string(), owner).await?;
     evict(key.bytes(), now, Some(&by.name), &mut tx).await?;
     tx.effects.push(Effect::Deleted(*key));
@@ -267,7 +267,7 @@ pub(crate) async fn kept(
     row: &Row,
     mut tx: Change<'_>,
 ) -> Result<Finish> {
-    let (Some(same), Some(held)) = (row.truth("same")?, row.truth("held")?) else {
+    let (Some(same), Some(held)) = (row.value("same")?, row.value("held")?) else {
         return Ok(Finish::Stored);
     };
     let (how, finish) = match (same, held) {

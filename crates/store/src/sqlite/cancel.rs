@@ -1,7 +1,7 @@
 //! Canceling jobs.
 
 use super::transaction::Transaction;
-use crate::database::{Columns, Connected, Effect, Ending, Result, RunId, Tables, sql};
+use crate::database::{Connected, Effect, Ending, Result, RunId, Tables, sql};
 use crate::jobs::cancel::Canceled;
 use crate::jobs::read;
 use crate::team::audit::{Act, Actor, record};
@@ -43,7 +43,7 @@ pub(crate) async fn cancel((id, by): &(JobId, Actor), tx: &mut Transaction) -> R
             run, tx.now, tx.queue.is_study(run)
         );
         let changed = tx.db.row(update).await?;
-        let state = changed.as_ref().map(|row| row.text("state")).transpose()?.flatten();
+        let state = changed.as_ref().map(|row| row.value("state")).transpose()?.flatten();
         if state == Some(JobState::Canceled.as_str()) {
             tx.queue.end(run);
             tx.effects.push(Effect::Settled(Ending::Canceled, None));

@@ -4,8 +4,9 @@
 //! crash or a release, only the pieces that were running are queued again.
 
 use super::transaction::Transaction;
-use crate::database::{Columns, Connected, Effect, Result, RunId, Tables, sql};
-use crate::jobs::claimed::{Claim, Claimed, FinishedChunk, is_step};
+use crate::database::{Body, Connected, Effect, Result, RunId, Tables, sql};
+use crate::jobs::claimed::{Claim, Claimed, is_step};
+use fretwork_job::Cost;
 
 /// Claims a piece of a study: the chunk that was lost; if there is none, a new chunk of this stage; if there is none, a
 /// chunk that was released; if there is none, the assembly.
@@ -60,7 +61,7 @@ async fn start(run: RunId, tx: &mut Transaction) -> Result<()> {
 }
 
 pub(crate) async fn finish_chunk(
-    FinishedChunk { claim, body, cost }: &FinishedChunk,
+    (claim, body, cost): &(Claim, Body, Cost),
     tx: &mut Transaction,
 ) -> Result<bool> {
     let Claim { part: (run, Some(number)), attempt, .. } = *claim else { return Ok(false) };

@@ -4,7 +4,7 @@
 use sqlx::SqliteConnection;
 
 use super::transaction::Transaction;
-use crate::database::{Columns, Connected, Effect, Result, Statement, Tables, sql};
+use crate::database::{Connected, Effect, Result, Statement, Tables, sql};
 use crate::jobs::cancel::delete_job;
 
 /// Maximum number of rows that one transaction deletes to free space: twice as many as one transaction adds.

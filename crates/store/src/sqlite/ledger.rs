@@ -16,13 +16,6 @@ use sqlx::SqliteConnection;
 use crate::database::Result;
 use fretwork_job::clock::rfc3339;
 
-/// The number of commits, and the time of the last one in milliseconds since 1970.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Noted {
-    commits: i64,
-    at: i64,
-}
-
 /// The lock file of the data directory, with the number of commits.
 pub(super) struct Ledger {
     /// Locks the directory against other servers.
@@ -38,21 +31,20 @@ impl Ledger {
     pub(super) async fn open(mut lock: File, db: &mut SqliteConnection) -> Result<Self> {
         let (commits, at) =
             sqlx::query_as("SELECT commits, committed FROM room").fetch_one(db).await?;
-        let stored = Noted { commits, at };
         // The lock file of an earlier version is empty.
         let mut missing = 0;
-        if let Some(noted) = read(&mut lock).filter(|noted| noted.commits > commits) {
-            missing = noted.commits - commits;
+        if let Some((noted, until)) = read(&mut lock).filter(|(noted, _)| *noted > commits) {
+            missing = noted - commits;
             tracing::error!(
                 missing,
-                since = rfc3339(stored.at),
-                until = rfc3339(noted.at),
+                since = rfc3339(at),
+                until = rfc3339(until),
                 "acknowledged changes are missing: the write-ahead log was damaged or removed, or an older copy of \
                  the database was put in place; submit the jobs of that time again, or restore a backup"
             );
         }
         let mut ledger = Self { lock, failed: false, missing };
-        ledger.note(stored.commits, stored.at);
+        ledger.note(commits, at);
         Ok(ledger)
     }
 
@@ -69,12 +61,12 @@ impl Ledger {
     }
 }
 
-/// Reads the number; `None` if there is none.
-fn read(lock: &mut File) -> Option<Noted> {
+/// Reads the number of commits, and the time of the last one in milliseconds since 1970; `None` if there is none.
+fn read(lock: &mut File) -> Option<(i64, i64)> {
     let mut text = String::new();
     lock.rewind().and_then(|()| lock.read_to_string(&mut text)).ok()?;
     let (commits, at) = text.trim_end().split_once(' ')?;
-    Some(Noted { commits: commits.parse().ok()?, at: at.parse().ok()? })
+    Some((commits.parse().ok()?, at.parse().ok()?))
 }
 
 /// Deletes the number, because a restored backup replaces the database, and has another number.

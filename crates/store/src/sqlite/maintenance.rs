@@ -7,7 +7,7 @@
 use std::time::{Duration, Instant};
 
 use super::transaction::Transaction;
-use crate::database::{Columns, Connected, Result, RunId, Tables, sql};
+use crate::database::{Connected, Result, RunId, Tables, sql};
 use crate::jobs::ages::AgeClock;
 use crate::jobs::cancel::delete_unnamed;
 use fretwork_job::Key;

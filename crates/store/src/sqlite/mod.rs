@@ -28,9 +28,7 @@ use std::time::Duration;
 
 use tokio::sync::{Semaphore, mpsc};
 
-use crate::database::{
-    Columns, Error, Most, Purpose, Result, Row, Signals, Statement, Tables, Verb, sql,
-};
+use crate::database::{Error, Purpose, Result, Row, Signals, Statement, Tables, Verb, sql};
 use fretwork_job::clock::now;
 
 use readers::Readers;
@@ -71,19 +69,14 @@ impl Database {
             "SELECT created FROM run INDEXED BY run_unfinished
              WHERE state = 'queued' AND finished IS NULL ORDER BY id LIMIT 1"
         );
-        let oldest = self.read(Purpose::Any, query, Most::One).await?.pop();
+        let oldest = self.read(Purpose::Any, query).await?.pop();
         let waited = oldest.map(|row| row.get::<i64>("created")).transpose()?;
         // The clock of the system may have been set back.
         Ok(Duration::from_millis(waited.map_or(0, |oldest| now() - oldest).max(0).unsigned_abs()))
     }
 
     /// Reads with a connection of the pool.
-    pub(super) async fn read(
-        &self,
-        purpose: Purpose,
-        statement: Statement,
-        most: Most,
-    ) -> Result<Vec<Row>> {
+    pub(super) async fn read(&self, purpose: Purpose, statement: Statement) -> Result<Vec<Row>> {
         let done = async {
             let (readers, permit) = match purpose {
                 Purpose::Any => (&self.readers, None),
@@ -92,7 +85,7 @@ impl Database {
                 Purpose::Keys => (&self.keys, None),
             };
             let _permit = permit.transpose().map_err(|_| Error::Closed)?;
-            readers.get().await?.connection.read(statement, most).await
+            readers.get().await?.connection.rows(statement).await
         };
         self.signals.counted(done.await)
     }
@@ -131,7 +124,7 @@ mod tests {
 
     /// The query plan of SQLite for a statement.
     async fn plan(db: &Database, statement: Statement) -> Vec<String> {
-        let rows = db.read(Purpose::Any, statement.explained(), Most::All).await.unwrap();
+        let rows = db.read(Purpose::Any, statement.explained()).await.unwrap();
         rows.iter().map(|row| row.get("detail").unwrap()).collect()
     }
 
@@ -187,7 +180,7 @@ mod tests {
             busy.push(db.readers.get().await.unwrap());
         }
         let query = sql!("SELECT id FROM access_key");
-        assert!(db.read(Purpose::Keys, query, Most::All).await.unwrap().is_empty());
+        assert!(db.read(Purpose::Keys, query).await.unwrap().is_empty());
         drop(busy);
         db.close().await;
     }
@@ -197,11 +190,11 @@ mod tests {
         let (_dir, db) = open().await;
         let permits = db.scans.acquire_many(u32::try_from(SCANS).unwrap()).await.unwrap();
         let search = page(&Search::default(), None, 1);
-        let mut search = std::pin::pin!(db.read(Purpose::Scan, search, Most::All));
+        let mut search = std::pin::pin!(db.read(Purpose::Scan, search));
         let reads = async {
             for _ in 0..100 {
                 let query = sql!("SELECT id FROM job");
-                assert!(db.read(Purpose::Any, query, Most::All).await.unwrap().is_empty());
+                assert!(db.read(Purpose::Any, query).await.unwrap().is_empty());
             }
         };
         tokio::select! {

@@ -23,7 +23,7 @@ use super::schema::{self, migrate};
 use super::transaction::Transaction;
 use super::writer::Writer;
 use crate::database::{
-    Columns as _, Connected as _, Error, FileSizes, Options, Result, Signals, Tables as _, sql,
+    Connected as _, Error, FileSizes, Options, Result, Signals, Tables as _, sql,
 };
 use crate::jobs::ages::AgeClock;
 use crate::results::library::Program;

@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 use sqlx::SqliteConnection;
 
-use crate::database::{Body, Columns, Connected, Error, Result, Statement, Tables, sql};
+use crate::database::{Body, Connected, Error, Result, Statement, Tables, sql};
 use crate::results::storing::outlined;
 use fretwork_job::{Key, Outline, ResultDocument, TaskKind, asked_in};
 

@@ -18,7 +18,7 @@ use std::collections::{BTreeMap, HashMap};
 use sqlx::SqliteConnection;
 
 use crate::database::caution::{Caution, Verdict};
-use crate::database::{Columns as _, Result, RunId, RunPart, Tables as _, read, sql};
+use crate::database::{Result, RunId, RunPart, Tables as _, read, sql};
 use crate::jobs::claimed::{Stages, Study};
 use fretwork_job::JobId;
 

@@ -12,8 +12,7 @@ use super::transaction::Transaction;
 use super::{Database, chunks};
 use crate::database::usage::Owners;
 use crate::database::{
-    Columns, Connected, Effect, Ending, MAX_LOST, Recovered, Result, RunId, Signals, Statement,
-    Tables, sql,
+    Connected, Effect, Ending, MAX_LOST, Recovered, Result, RunId, Signals, Statement, Tables, sql,
 };
 use crate::jobs::claimed::{Claim, Claimed};
 use crate::results::storing::{self, Answered, Finish, Source};
@@ -91,8 +90,7 @@ pub(crate) async fn finish(
     let (trace, program, now) = (trace.as_deref(), Some(tx.program), tx.now);
     let source = Source { key, task: &task, owner, job, warnings, trace, program, now };
     let query = Statement::of(FINISH.as_str()).with(run).with(attempt).with_result(answer, &source);
-    // Only the first statement returns a row. `rows` executes all statements; `row` would skip the later ones.
-    let Some(row) = tx.db.rows(query).await?.pop() else { return Ok(Finish::Refused) };
+    let Some(row) = tx.db.row(query).await? else { return Ok(Finish::Refused) };
     ended(tx, run, key, row.get("started")?, Ending::Succeeded);
     storing::kept(answer, key, &row, tx.into()).await
 }

@@ -7,7 +7,7 @@ use std::time::Duration;
 use super::storing::{Reason, keeping};
 use super::transaction::Transaction;
 use crate::database::{
-    Columns, Connected, Effect, Ending, Result, Row, RunId, Statement, Tables, checksum, sql,
+    Connected, Effect, Ending, Result, Row, RunId, Statement, Tables, checksum, sql,
 };
 use crate::jobs::claimed::Stages;
 use crate::jobs::read::read_job;
@@ -32,7 +32,7 @@ impl NewJob {
         );
         let row = tx.db.one(query).await?;
         // A job that needs neither a worker nor a place in the queue is always accepted.
-        Ok(match row.text("live")? {
+        Ok(match row.value("live")? {
             _ if row.get("is_known")? && !self.afresh => None,
             _ if admission == Admission::OnlyKnown => Some(Submitted::Unknown),
             Some("running") => None,
@@ -182,10 +182,11 @@ static RECORD: LazyLock<String> = LazyLock::new(|| format!("{}; {JOB}", keeping(
 /// and a run is live, the jobs use that result or run, and the answer is dropped. If the result is evicted and no run
 /// is live, this returns [`Submitted::NeedsRun`].
 pub(crate) async fn record(
-    (jobs, answer, wall): &(Vec<NewJob>, Answered, Duration),
+    (jobs, answer): &(Vec<NewJob>, Answered),
     tx: &mut Transaction,
 ) -> Result<Vec<Submitted>> {
-    let took = i64::try_from(wall.as_millis()).unwrap_or(i64::MAX);
+    let took = answer.cost.map_or(Duration::ZERO, |cost| cost.wall);
+    let took = i64::try_from(took.as_millis()).unwrap_or(i64::MAX);
     let (began, now) = (tx.now.saturating_sub(took), tx.now);
     let Some((first, others)) = jobs.split_first() else { return Ok(Vec::new()) };
     let (key, source) = (first.key, first.source(tx.program, now));

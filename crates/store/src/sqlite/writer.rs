@@ -185,12 +185,12 @@ impl Writer {
     /// faulty verbs fail.
     async fn process(&mut self, mut orders: Vec<Box<dyn Order>>) {
         match self.commit(&mut orders).await {
-            Ok(()) => {
+            Ok(Ok(())) => {
                 for order in orders {
                     order.settle(Ok(()));
                 }
             }
-            Err(Failed::Within(error)) if orders.len() > 1 => {
+            Ok(Err(error)) if orders.len() > 1 => {
                 tracing::debug!(%error, verbs = orders.len(), "a batch failed; now each change has its own transaction");
                 let mut hopeless = 0;
                 for mut order in orders {
@@ -199,13 +199,12 @@ impl Writer {
                         continue;
                     }
                     let committed = self.commit(std::slice::from_mut(&mut order)).await;
-                    let full = matches!(committed, Err(Failed::Within(Error::Full(_))));
+                    let full = matches!(committed, Ok(Err(Error::Full(_))));
                     hopeless = if full { hopeless + 1 } else { 0 };
-                    order.settle(committed.map_err(Failed::into_error));
+                    order.settle(committed.flatten());
                 }
             }
-            Err(failed) => {
-                let error = failed.into_error();
+            Ok(Err(error)) | Err(error) => {
                 for order in orders {
                     order.settle(Err(error.clone()));
                 }
@@ -213,16 +212,18 @@ impl Writer {
         }
     }
 
-    async fn commit(&mut self, orders: &mut [Box<dyn Order>]) -> Result<(), Failed> {
-        self.begin().await.map_err(Failed::ToBegin)?;
+    /// Applies verbs in one transaction. The outer error means that no transaction could begin, so every verb would fail
+    /// with it. The inner error is that of a verb or of the commit.
+    async fn commit(&mut self, orders: &mut [Box<dyn Order>]) -> Result<Result<()>> {
+        self.begin().await?;
         if let Err(error) = self.apply(orders).await {
             self.roll_back().await;
-            return Err(Failed::Within(error));
+            return Ok(Err(error));
         }
         let effects = std::mem::take(&mut self.tx.effects);
         self.signals.tally.queue_is(self.tx.queue.len(), self.tx.queue.working());
         self.signals.apply(effects);
-        Ok(())
+        Ok(Ok(()))
     }
 
     async fn begin(&mut self) -> Result<()> {
@@ -346,7 +347,7 @@ impl Writer {
     {
         let (mut order, answer) = order(verb, input);
         let committed = self.commit(std::slice::from_mut(&mut order)).await;
-        order.settle(committed.map_err(Failed::into_error));
+        order.settle(committed.flatten());
         answer.await.unwrap_or(Err(Error::Closed)).inspect_err(|error| {
             self.signals.tally.failed(error);
             let error = error as &dyn std::error::Error;
@@ -381,20 +382,6 @@ impl Writer {
         let done = self.tx.db.execute(AssertSqlSafe(pragma.to_owned())).await;
         done.inspect_err(|error| tracing::warn!(%error, pragma, "cannot shrink the database"))
             .is_ok()
-    }
-}
-
-/// An error, and where the transaction failed. If no transaction could begin, all verbs fail with the same error.
-enum Failed {
-    ToBegin(Error),
-    Within(Error),
-}
-
-impl Failed {
-    fn into_error(self) -> Error {
-        match self {
-            Self::ToBegin(error) | Self::Within(error) => error,
-        }
     }
 }
 

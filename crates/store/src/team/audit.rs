@@ -4,7 +4,7 @@
 //! cancels in one day share an entry, too, and so do those that it deletes, and all names and notes of an owner that it
 //! changes. So no client can fill the log with ordinary requests.
 
-use crate::database::{Columns, Connected, Result, Row, Tables, cells, read, sql};
+use crate::database::{Connected, Result, Row, Tables, cells, read, sql};
 use fretwork_job::words;
 
 words! {
@@ -33,7 +33,7 @@ words! {
     }
 }
 
-cells! { text by str::parse: Act; }
+cells! { &str => str::parse: Act; }
 
 /// The person or program that acts.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]

@@ -7,7 +7,7 @@ use data_encoding::HEXLOWER;
 use sha2::{Digest as _, Sha256};
 use subtle::ConstantTimeEq as _;
 
-use crate::database::{Change, Columns, Connected, Error, Result, Row, Tables, cells, read, sql};
+use crate::database::{Change, Connected, Error, Result, Row, Tables, cells, read, sql};
 use crate::team::audit::{Act, Actor, record};
 use fretwork_job::words;
 
@@ -32,7 +32,7 @@ words! {
     }
 }
 
-cells! { text by str::parse: Role; }
+cells! { &str => str::parse: Role; }
 
 /// A stored access key.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -113,7 +113,7 @@ impl NewKey {
 }
 
 /// Random bytes in hexadecimal.
-fn random<const BYTES: usize>() -> Result<String> {
+pub(crate) fn random<const BYTES: usize>() -> Result<String> {
     let mut bytes = [0; BYTES];
     getrandom::fill(&mut bytes).map_err(|_| Error::NoRandomness)?;
     Ok(HEXLOWER.encode(&bytes))

@@ -1,9 +1,7 @@
 //! Sessions of browsers. A browser that has signed in with an access key sends a cookie with a random token. The
 //! database stores only the digest of the token, and the digest of the key. So a session is valid only as long as its key.
 
-use data_encoding::HEXLOWER;
-
-use crate::database::{Change, Columns, Connected, Error, Result, Tables, sql};
+use crate::database::{Change, Connected, Result, Tables, sql};
 use crate::team::keys::digest;
 
 /// Lifetime of a session in milliseconds: a week.
@@ -18,13 +16,6 @@ pub struct SignedIn {
     pub key: String,
     /// The digest of the whole key.
     pub key_digest: [u8; 32],
-}
-
-/// A new random token.
-pub(crate) fn token() -> Result<String> {
-    let mut bytes = [0; 32];
-    getrandom::fill(&mut bytes).map_err(|_| Error::NoRandomness)?;
-    Ok(HEXLOWER.encode(&bytes))
 }
 
 /// Stores a new session, and deletes the expired ones.

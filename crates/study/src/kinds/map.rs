@@ -17,12 +17,12 @@ use fretwork_engine::input::fields::Length;
 use fretwork_engine::{Case, Condition, Faults, Given, Valid, scenario};
 use serde_json::{Value, json};
 
-use crate::plan::Regions;
 use crate::plan::StudyFigure::{Curves, Heat, Regimes};
+use crate::plan::{Regions, number_cells};
 use crate::problem::outputs_of;
 use crate::{
-    Cells, Column, Findings, Found, GoesOn, Hints, Kind, Lack, Member, NUMBER, Offer, OrRun,
-    Output, Plan, Problem, Read, Rows, Tried, Values, Varied, small_members,
+    Column, Findings, Found, GoesOn, Hints, Kind, Lack, Member, NUMBER, Offer, OrRun, Output, Plan,
+    Problem, Read, Rows, Tried, Values, Varied, small_members,
 };
 use fretwork_json::{Whole, both, typed};
 
@@ -294,12 +294,12 @@ impl Plan for Map {
     /// The boundary: the amplitude at which gross slip begins, for each normal force, unworn and after the runs. And the
     /// regimes of all rows.
     fn findings(&self, problem: &Problem, rows: &Rows, _: GoesOn<'_>) -> Option<Findings> {
-        let each = |of: &dyn Fn(usize) -> Option<f64>| (0..self.forces.len()).map(of).collect();
+        let each = |of: &dyn Fn(usize) -> Option<f64>| number_cells((0..self.forces.len()).map(of));
         let case = |force| self.case(problem, force).ok();
         let at_contact = |force| Some(case(force)?.gross_slip_amplitude());
         let at_actuator = |force| case(force)?.actuator_gross_slip_amplitude();
-        let mut columns: Vec<(&'static str, Vec<Option<f64>>)> = vec![
-            (MEMBERS[0], self.forces.iter().copied().map(Some).collect()),
+        let mut columns = vec![
+            (MEMBERS[0], number_cells(self.forces.iter().copied().map(Some))),
             (MEMBERS[1], each(if self.has_rig { &at_actuator } else { &at_contact })),
         ];
         if self.has_rig {
@@ -310,11 +310,9 @@ impl Plan for Map {
             let is_steep = problem.base.pointer("/load/held") == Some(&json!("depth"));
             columns.push((BESIDE[1], each(&|force| self.after_run(force, &thresholds, is_steep))));
         }
-        let columns = columns.into_iter().map(|(name, cells)| (name, Cells::Numbers(cells)));
         Some(Findings {
-            tables: vec![("boundary", columns.collect())],
+            members: vec![("boundary", columns.into_iter().collect())],
             beside: vec![(REGIME, regimes(rows))],
-            ..Findings::default()
         })
     }
 

@@ -49,14 +49,12 @@ mod studies;
 
 use utoipa::OpenApi;
 
-use self::bodies::{EvaluateBody, JobBody, Naming};
+pub use self::bodies::{EvaluateBody, JobBody, Naming};
 pub use self::evaluated::Evaluated;
 pub use self::measured::Measured;
 pub use self::parts::JobEvent;
 use self::parts::{Histogram, History, Loops, Profiles, Records, Statistics, StudyTable};
 pub use self::runs::Preview;
-use super::keys::KeyBody;
-use super::library::NoteBody;
 pub use fretwork_engine::outcome::History as Columns;
 pub use fretwork_engine::scenario::Warning;
 
@@ -75,11 +73,6 @@ pub use fretwork_engine::scenario::Warning;
     Statistics,
     Histogram,
     Records,
-    JobBody,
-    Naming,
-    EvaluateBody,
-    NoteBody,
-    KeyBody,
     bodies::KeysToCompare,
     bodies::NumberList,
     bodies::NumberRange,

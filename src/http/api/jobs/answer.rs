@@ -10,7 +10,6 @@ use serde_json::{Value, json};
 use utoipa::ToSchema;
 
 use crate::http::answer::representation::Representation;
-use crate::http::answer::stored::stored;
 use crate::http::answer::text::Text;
 use crate::http::api::documents;
 use crate::http::wire::coding::Coding;
@@ -229,7 +228,7 @@ pub(super) async fn result_of(app: &App, caller: &Caller, job: &Job) -> Result<T
             Representation::new(caller, job.key, Part::Whole, Format::Json, View::default());
         let text = result.text(app, Coding::Identity).await;
         // The result may have been evicted.
-        if text.is_ok() || stored(app, &job.key).await?.is_some() {
+        if text.is_ok() || app.store.has_result(&job.key).await? {
             return text;
         }
     }

@@ -8,6 +8,7 @@ use axum::response::{IntoResponse as _, Response};
 
 use super::answer::{JobAnswer, address, result_of, write};
 use crate::http::answer::text::Text;
+use crate::http::api::documents;
 use crate::http::api::scenarios::parse;
 use crate::http::wire::include::{Include, JobMembers, NULL};
 use crate::http::wire::{REPLAYED, idempotency_key, says, urgency, wait};
@@ -44,7 +45,7 @@ use fretwork_store::Asked;
         ("traceparent" = Option<String>, Header,
             description = "W3C Trace Context. The log of the request and of the run contains it."),
     ),
-    request_body(content = ref("#/components/schemas/JobBody"), description = "The job. A \
+    request_body(content = documents::JobBody, description = "The job. A \
         physical quantity is a number in SI units or a string with a unit."),
     responses(
         (status = 200, description = "The job is finished: it succeeded, failed or was canceled.",
@@ -144,25 +145,13 @@ fn accepted(
 
 impl From<Refusal> for Problem {
     fn from(refusal: Refusal) -> Self {
+        let detail = refusal.to_string();
         match refusal {
-            Refusal::Draining => {
-                let detail = "The server is shutting down and accepts no new jobs. Submit again in a \
-                    moment.";
-                Self::new(&kinds::DRAINING, detail).retry_after(5)
-            }
-            Refusal::IdempotencyConflict => {
-                let detail = "This Idempotency-Key was used for another submission. Send another Idempotency-Key.";
-                Self::new(&kinds::KEY_REUSED, detail)
-            }
-            Refusal::NotCached => {
-                let detail = "The server does not have the result. To compute it, submit without `only-if-cached`.";
-                Self::new(&kinds::NOT_CACHED, detail)
-            }
-            Refusal::TooExpensive(excess) => Self::new(&kinds::TOO_EXPENSIVE, excess.to_string()),
-            Refusal::QueueFull { queued, retry_after } => {
-                let detail = format!(
-                    "The queue is full: {queued} jobs wait. Submit again after the number of seconds in Retry-After."
-                );
+            Refusal::Draining => Self::new(&kinds::DRAINING, detail).retry_after(5),
+            Refusal::IdempotencyConflict => Self::new(&kinds::KEY_REUSED, detail),
+            Refusal::NotCached => Self::new(&kinds::NOT_CACHED, detail),
+            Refusal::TooExpensive(_) => Self::new(&kinds::TOO_EXPENSIVE, detail),
+            Refusal::QueueFull { retry_after, .. } => {
                 Self::new(&kinds::QUEUE_FULL, detail).retry_after(retry_after.as_secs() as u32)
             }
             Refusal::Store(error) => error.into(),

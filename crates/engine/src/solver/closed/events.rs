@@ -1,53 +1,30 @@
 //! Events of the simplified rule, from its closed form.
 
+use super::energy::dissipated;
 use super::simplified::Simplified;
 use crate::contact::{Normal, Regime};
-use crate::numeric::{Bracket, root};
+use crate::numeric::{root, root_between};
 use crate::solver::events::{Event, EventKind, LOST, SHAKEN, StopCondition};
 use crate::solver::splits::{SplitWatch, WornCore};
 
 /// Relative accuracy of the time at which the stop condition is met.
 const STOP_DIGITS: f64 = 1e-12;
 
-/// The search for the time at which the stop condition is met, after it has begun.
-#[derive(Debug, Default)]
-pub struct StopSearch(Option<Bracket>);
-
-impl StopSearch {
-    /// Evaluates at most `states` states up to the time `last`. Returns the time in N₀ as soon as
-    /// the search has finished. The time is infinite if the condition is not met before `last`.
-    pub fn advance(
-        &mut self,
-        solver: &Simplified,
-        xi: f64,
-        condition: StopCondition,
-        last: f64,
-        states: usize,
-    ) -> Option<f64> {
-        let missing = |time: f64| {
-            let state = solver.state(solver.decay(xi, time));
-            condition.missing(state.depth, state.volume, solver.dissipated(xi, &state.sums))
-        };
-        let Some(bracket) = &mut self.0 else {
-            if condition == StopCondition::default() {
-                return Some(f64::INFINITY);
-            }
-            let end = missing(last);
-            if end > 0.0 {
-                return Some(f64::INFINITY);
-            }
-            let start = (0.0, condition.missing(0.0, 0.0, 0.0));
-            self.0 = Some(Bracket::new(start, (last, end)));
-            return None;
-        };
-        for _ in 0..states {
-            match bracket.next().filter(|_| bracket.width() > STOP_DIGITS) {
-                Some(time) => bracket.narrow(time, missing(time)),
-                None => return Some(bracket.found()),
-            }
-        }
-        None
+/// The time in N₀ at which the stop condition is met. Infinite if it is not met before the time `last`.
+pub(crate) fn stop_time(solver: &Simplified, xi: f64, condition: StopCondition, last: f64) -> f64 {
+    let missing = |time: f64| {
+        let state = solver.states(&[(solver.decay(xi, time), false)]).swap_remove(0);
+        condition.missing(state.depth, state.volume, dissipated(&solver.contact, xi, &state.sums))
+    };
+    if condition == StopCondition::default() {
+        return f64::INFINITY;
     }
+    let end = missing(last);
+    if end > 0.0 {
+        return f64::INFINITY;
+    }
+    let start = condition.missing(0.0, 0.0, 0.0);
+    root_between(STOP_DIGITS, (0.0, start), (last, end), missing)
 }
 
 /// All events up to the time `last`: the given `events`, and those that this function finds.

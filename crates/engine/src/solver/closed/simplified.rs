@@ -38,7 +38,6 @@ use crate::contact::limit::{chord_and_angle, limiting_wear};
 use crate::contact::transform::{Kernels, graded};
 use crate::contact::{Contact, Decay, Geometry, SpringRow, Sums};
 use crate::numeric::{Monotone, dot, integrate, integrate_pieces, largest, vertex};
-use crate::solver::closed::energy::dissipated;
 use crate::solver::curves::{self, Curves, Grid};
 use crate::solver::errors::RunErrors;
 use crate::solver::pressures::{Rings, kernel};
@@ -287,11 +286,6 @@ impl Simplified {
         self.unworn().ring.as_ref().unwrap_or(&self.mesh)
     }
 
-    /// The dissipated energy as (k_w/μ)·ΣW, in units of a₀²d₀.
-    pub(crate) fn dissipated(&self, xi: f64, sums: &Sums) -> f64 {
-        dissipated(&self.contact, xi, sums)
-    }
-
     /// Δ·s at a radius outside the contact: the amplitude of the local slip.
     pub(crate) fn slip_outside(&self, r: f64, decay: Decay) -> f64 {
         let Contact { stick, threshold, .. } = self.contact;
@@ -303,11 +297,6 @@ impl Simplified {
     /// The decay factor e = exp(−ξÑ/ã).
     pub fn decay(&self, xi: f64, normalized_cycles: f64) -> Decay {
         Decay::after(xi * normalized_cycles / self.contact.limit.radius)
-    }
-
-    /// The state at a decay, without curves.
-    pub(crate) fn state(&self, decay: Decay) -> State {
-        self.states(&[(decay, false)]).swap_remove(0)
     }
 
     /// The states at several decays. The flag of each decay requests curves.

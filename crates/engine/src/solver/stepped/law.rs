@@ -36,10 +36,3 @@ pub struct WearProblem<'a> {
     /// The law of wear.
     pub law: Law,
 }
-
-impl<'a> WearProblem<'a> {
-    /// The wear problem with the exact law.
-    pub fn exact(contact: &'a Contact, control: &'a Control) -> Self {
-        Self { contact, control, law: Law::Exact }
-    }
-}

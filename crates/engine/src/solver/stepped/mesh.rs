@@ -430,6 +430,7 @@ fn pressure(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::contact::Flank;
 
     fn none() -> PriorWear {
         PriorWear::default()
@@ -473,7 +474,7 @@ mod tests {
     fn a_node_moves_onto_a_kink_unless_the_kink_is_too_close_to_the_axis() {
         let radii: Vec<f64> = (0..=10).map(|i| f64::from(i) * 0.13).collect();
         for (flat, node) in [(0.5, Some(4)), (0.45, Some(3)), (0.1, Some(1)), (0.01, None)] {
-            let mesh = Mesh::new(&Shape::truncated_cone(flat), &none(), radii.clone());
+            let mesh = Mesh::new(&Shape::truncated(Flank::Cone, flat), &none(), radii.clone());
             let moved = mesh.radii.iter().position(|r| (r - flat).abs() < 1e-15);
             assert_eq!(moved, node, "{flat}");
             assert!(mesh.widths.iter().all(|width| *width > 0.03));

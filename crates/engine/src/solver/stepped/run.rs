@@ -7,7 +7,7 @@ use super::rkc::Rkc;
 use super::{Law, MeshPlan, PriorWear, WearProblem, Wearing, WornContact};
 use crate::contact::row::unworn_integrals;
 use crate::contact::{Block, Contact, Control, Geometry, Held, Limit, Normal, Over, Regime};
-use crate::numeric::{Bracket, largest};
+use crate::numeric::{largest, root_between};
 
 /// The estimated error of V if a stick edge lies at the border of two cells. The unit is the change
 /// of V when the stick edge moves by one cell.
@@ -324,11 +324,8 @@ impl MeshRun {
         if energy <= before {
             return began;
         }
-        let mut bracket = Bracket::new((began, before - energy), (time, after - energy));
-        while let Some(middle) = bracket.next().filter(|_| bracket.width() > TIME_DIGITS) {
-            bracket.narrow(middle, self.energies_until(middle)[1] - energy);
-        }
-        bracket.found()
+        let missing = |time: f64| self.energies_until(time)[1] - energy;
+        root_between(TIME_DIGITS, (began, before - energy), (time, after - energy), missing)
     }
 
     /// Whether wear has practically stopped at the present amplitude, which is constant until

@@ -213,9 +213,8 @@ impl Wearing {
         (next, dose)
     }
 
-    /// The wear of all meshes, from the wear at the nodes of this one.
-    pub(super) fn total(&self, wear: &[f64]) -> PriorWear {
-        let radius = self.prior.radius;
+    /// The wear of all meshes, from the wear at the nodes of this one and the outer radius of the scar.
+    pub(super) fn total(&self, wear: &[f64], radius: f64) -> PriorWear {
         let Mesh { geometry, places, .. } = &self.springs.mesh;
         let profile = |t: f64| self.contact.shape.profile(geometry.radius(t));
         self.prior.with(*geometry, places, wear, radius, profile)
@@ -235,12 +234,8 @@ impl Wearing {
     pub(super) fn worn(&self, values: &[f64]) -> PriorWear {
         let wear = self.wear(values);
         let (_, radius) = self.radii(&wear, &self.springs.images);
-        let Mesh { geometry, places, widths, .. } = &self.springs.mesh;
-        let profile = |t: f64| self.contact.shape.profile(geometry.radius(t));
-        self.prior
-            .with(*geometry, places, &wear, radius, profile)
-            .with_edge(self.springs.stick())
-            .thinned(widths.len())
+        let total = self.total(&wear, radius);
+        total.with_edge(self.springs.stick()).thinned(self.springs.mesh.widths.len())
     }
 
     /// The same contact on another mesh, which starts on the surface `worn`.
@@ -303,7 +298,7 @@ impl Wearing {
 
     /// The nodes of all meshes so far, and the wear there for the given values.
     pub(super) fn wear_of(&self, values: &[f64]) -> (Vec<f64>, Vec<f64>) {
-        let (places, wear) = self.total(&self.wear(values)).into_lists();
+        let (places, wear) = self.total(&self.wear(values), self.prior.radius).into_lists();
         let geometry = self.springs.mesh.geometry;
         (places.iter().map(|t| geometry.radius(*t)).collect(), wear)
     }
@@ -579,7 +574,7 @@ mod tests {
         }
         for (contact, control) in problems {
             let plan = MeshPlan::first(&contact, &control, 64).expect("a scar that fits");
-            let problem = WearProblem::exact(&contact, &control);
+            let problem = WearProblem { contact: &contact, control: &control, law: Law::Exact };
             let mut wearing = Wearing::new(problem, (plan, Arc::default()), 64);
             let mut rkc = Rkc::new(&mut wearing, vec![0.0; 65], 3e-3, (1.0, 0.3));
             for _ in 0..40 {

@@ -6,9 +6,9 @@ use serde_json::{Value, json};
 use super::model::Set;
 use super::search::{Fit, Known, Task};
 use super::told::Told;
-use crate::plan::NamedCells;
+use crate::plan::number_cells;
 use crate::stats::origin::Line;
-use crate::{Cells, Findings, Member, Problem, Rows};
+use crate::{Findings, Member, Problem, Rows};
 
 /// The columns of numbers in the tables of measured numbers and bands, and their units.
 pub const COLUMNS: [(&str, &str); 10] = [
@@ -32,9 +32,9 @@ pub fn findings(fit: &Fit, problem: &Problem, rows: &Rows) -> Findings {
     let Some(known) = fit.known(rows, usize::MAX) else {
         let detail =
             "No start leads to numbers for all measured points. See `reason` in `searches`.";
-        let tables = vec![("table", table(fit, &measured, &[]))];
-        let others = vec![("notes", json!([{"kind": "no_minimum", "detail": detail}]))];
-        return Findings { tables, others, ..Findings::default() };
+        let notes = json!([{"kind": "no_minimum", "detail": detail}]);
+        let members = vec![("table", table(fit, &measured, &[])), ("notes", notes)];
+        return Findings { members, ..Findings::default() };
     };
     let told = Told::new(fit, &known);
     let parameters: Vec<Value> = (0..fit.parameters.len()).map(|it| told.parameter(it)).collect();
@@ -44,7 +44,10 @@ pub fn findings(fit: &Fit, problem: &Problem, rows: &Rows) -> Findings {
         json!({"row": measured.partition_point(|it| it < place), "pointer": pointer,
             "studentized": number(told.studentized[place])})
     };
-    let others = vec![
+    let bands = told.bands();
+    let members = vec![
+        ("table", table(fit, &measured, &bands)),
+        ("bands", table(fit, &grid, &bands)),
         ("notes", told.notes()),
         ("parameters", parameters.into()),
         ("correlation", told.correlation()),
@@ -53,13 +56,9 @@ pub fn findings(fit: &Fit, problem: &Problem, rows: &Rows) -> Findings {
         ("lines", told.lines()),
         ("estimated_scenario", told.scenario(problem)),
     ];
-    let bands = told.bands();
     let tasks: Vec<String> =
         fit.tasks.iter().map(|(_, task)| json!(task_name(fit, *task)).to_string()).collect();
-    let beside = vec![("task", tasks.join(","))];
-    let tables =
-        vec![("table", table(fit, &measured, &bands)), ("bands", table(fit, &grid, &bands))];
-    Findings { tables, others, beside, notes: None }
+    Findings { members, beside: vec![("task", tasks.join(","))] }
 }
 
 /// What a row of `searches` is.
@@ -83,26 +82,26 @@ fn number(x: f64) -> Value {
 }
 
 /// The numbers at these positions, and their columns from the prediction on, if they are known.
-fn table(fit: &Fit, places: &[usize], bands: &[[f64; 8]]) -> NamedCells {
+fn table(fit: &Fit, places: &[usize], bands: &[[f64; 8]]) -> Value {
     let texts = |of: &dyn Fn(&Set) -> String| {
-        Cells::Texts(places.iter().map(|place| of(fit.set(*place))).collect())
+        places.iter().map(|place| of(fit.set(*place))).collect::<Value>()
     };
-    let mut table = vec![
+    let texts = [
         ("test", texts(&|set| fit.tests[set.test].clone())),
         ("output", texts(&|set| set.output.clone())),
         ("unit", texts(&|set| set.unit.to_owned())),
         ("over", texts(&|set| set.over.to_owned())),
     ];
     let columns = COLUMNS.iter().take(if bands.is_empty() { 2 } else { COLUMNS.len() });
-    table.extend(columns.enumerate().map(|(column, (name, _))| {
+    let numbers = columns.enumerate().map(|(column, (name, _))| {
         let cell = |place: &usize| match column {
             0 => Some(fit.x(*place)),
             1 => fit.set(*place).y[fit.positions[*place].1],
             _ => Some(bands[*place][column - 2]).filter(|it| it.is_finite()),
         };
-        (*name, Cells::Numbers(places.iter().map(cell).collect()))
-    }));
-    table
+        (*name, number_cells(places.iter().map(cell)))
+    });
+    texts.into_iter().chain(numbers).collect()
 }
 
 impl Told<'_> {

@@ -140,7 +140,7 @@ impl Noise {
 
 /// Reads a quantity with this SI unit. Null is not measured.
 fn number(value: &Value, unit: &str) -> Result<Option<f64>, String> {
-    let dimension = Dimension::ALL.into_iter().find(|it| it.si() == unit);
+    let dimension = Dimension::all().find(|it| it.si() == unit);
     let dimension = dimension.unwrap_or(Dimension::Number);
     if value.is_null() { Ok(None) } else { read(value, dimension).map(|x| Some(twelve_digits(x))) }
 }

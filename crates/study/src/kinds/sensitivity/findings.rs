@@ -1,7 +1,9 @@
 //! The table and the notes of a sensitivity study. The table shows each estimate as it was computed. A note says what
 //! limits an estimate.
 
-use crate::plan::{Cells, Findings, OutputNote};
+use serde_json::{Value, json};
+
+use crate::plan::{Findings, number_cells};
 use crate::stats::derivative::Derivative;
 use crate::stats::indices::{Index, indices};
 use crate::stats::morris::Effect;
@@ -25,7 +27,7 @@ type EstimateRow<'a> = (Named<'a>, &'a str, Vec<f64>);
 pub struct EstimateTable<'a> {
     columns: &'static [&'static str],
     rows: Vec<EstimateRow<'a>>,
-    notes: Vec<OutputNote>,
+    notes: Vec<Value>,
 }
 
 impl<'a> EstimateTable<'a> {
@@ -36,20 +38,21 @@ impl<'a> EstimateTable<'a> {
 
     /// The members `table` and `notes` of the document.
     pub fn finished(self) -> Findings {
-        let texts = |of: fn(&EstimateRow<'a>) -> &'a str| {
-            Cells::Texts(self.rows.iter().map(|row| of(row).to_owned()).collect())
-        };
+        let texts =
+            |of: fn(&EstimateRow<'a>) -> &'a str| self.rows.iter().map(of).collect::<Value>();
         let numbers = |(place, name): (usize, &&'static str)| {
             let cells = self.rows.iter().map(|(.., numbers)| numbers.get(place).copied());
-            (*name, Cells::Numbers(cells.collect()))
+            (*name, number_cells(cells))
         };
-        let mut table = vec![
+        let texts = [
             ("output", texts(|(output, ..)| output.name)),
             ("unit", texts(|(output, ..)| output.unit)),
             ("member", texts(|(_, member, _)| member)),
         ];
-        table.extend(self.columns.iter().enumerate().map(numbers));
-        Findings { notes: Some(self.notes), tables: vec![("table", table)], ..Findings::default() }
+        let numbers = self.columns.iter().enumerate().map(numbers);
+        let table = texts.into_iter().chain(numbers).collect();
+        let members = vec![("notes", self.notes.into()), ("table", table)];
+        Findings { members, ..Findings::default() }
     }
 
     fn row(&mut self, output: Named<'a>, member: &'a str, numbers: &[f64]) {
@@ -57,8 +60,11 @@ impl<'a> EstimateTable<'a> {
     }
 
     fn note(&mut self, output: Named<'_>, member: Option<&str>, detail: &str) {
-        let (output, detail) = (output.name.to_owned(), detail.to_owned());
-        self.notes.push(OutputNote { output, detail, member: member.map(str::to_owned) });
+        let mut note = json!({"output": output.name, "detail": detail});
+        if let Some(member) = member {
+            note["member"] = json!(member);
+        }
+        self.notes.push(note);
     }
 
     /// Adds the rows of an output: its Sobol indices.

@@ -203,30 +203,17 @@ impl Sensitivity {
         let resamples = (10.0 / (1.0 - confidence)).ceil().clamp(RESAMPLES.0, RESAMPLES.1);
         let bootstrap = Bootstrap::new(resamples as usize, confidence, seed);
         let bootstrap = faults.keep("/confidence", bootstrap.map_err(str::to_owned));
-        match (from, samples, bootstrap) {
-            (Some(from), Some(samples), Some(bootstrap)) => {
-                Ok(Self::of(name, from, samples, seed, bootstrap))
-            }
-            _ => Err(faults),
-        }
-    }
-
-    /// A study that draws the values of its members from these distributions.
-    fn of(
-        name: MethodName,
-        from: Vec<Distribution>,
-        samples: usize,
-        seed: u64,
-        bootstrap: Bootstrap,
-    ) -> Self {
+        let (Some(from), Some(samples), Some(bootstrap)) = (from, samples, bootstrap) else {
+            return Err(faults);
+        };
         let members = from.len();
-        if name == MethodName::Sobol {
+        Ok(if name == MethodName::Sobol {
             let design = Saltelli::new(members, seed);
             Self::Sobol { design, groups: samples, from, bootstrap }
         } else {
             let design = Morris::new(members, LEVELS, seed);
             Self::Morris { design, trajectories: samples, from, bootstrap }
-        }
+        })
     }
 
     /// A study by the method `local`, at the values of the scenario.
@@ -411,7 +398,6 @@ mod tests {
     use crate::Study;
     use crate::kinds::tests::{document, rows};
     use crate::problem::Found;
-    use serde_json::Map;
 
     /// A test function in place of the engine, with the Sobol indices Sᵢ and Tᵢ of each member.
     struct Model {
@@ -451,10 +437,17 @@ mod tests {
 
     impl Model {
         /// The table and the notes of a study of this function.
-        fn study(&self, name: MethodName, samples: usize, seed: u64) -> Map<String, Value> {
+        fn study(&self, name: MethodName, samples: usize, seed: u64) -> Value {
             let from = vec![self.from; self.indices.len()];
             let bootstrap = Bootstrap::new(200, 0.95, 1).unwrap();
-            let study = Sensitivity::of(name, from, samples, seed, bootstrap);
+            let members = from.len();
+            let study = if name == MethodName::Sobol {
+                let design = Saltelli::new(members, seed);
+                Sensitivity::Sobol { design, groups: samples, from, bootstrap }
+            } else {
+                let design = Morris::new(members, LEVELS, seed);
+                Sensitivity::Morris { design, trajectories: samples, from, bootstrap }
+            };
             let mut rows = Rows::default();
             for number in 0..study.points() {
                 let values = study.point(number);
@@ -464,7 +457,8 @@ mod tests {
             let members = ["a", "b", "c", "d", "e", "f", "g", "h"];
             let output = Named { name: "y", unit: "1", accuracy: ROUNDING };
             let members = &members[..self.indices.len()];
-            study.table(members, &[output], &rows, &mut || true).unwrap().members()
+            let findings = study.table(members, &[output], &rows, &mut || true).unwrap();
+            findings.members.into_iter().collect()
         }
 
         /// How many of the intervals of the Sobol indices contain the index.

@@ -125,7 +125,7 @@ impl Wearing {
     /// The wear at the nodes of all meshes so far, from the wear at the nodes of this one.
     fn surface_of(&self, wear: &[f64]) -> WornSurface {
         let geometry = self.springs.mesh.geometry;
-        let (places, mut wear) = self.total(wear).into_lists();
+        let (places, mut wear) = self.total(wear, self.prior.radius).into_lists();
         let volume = geometry.positive_volume(&places, &wear);
         self.correct_on_axis(&places, &mut wear);
         let radii = places.iter().map(|t| geometry.radius(*t)).collect();
