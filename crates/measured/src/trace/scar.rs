@@ -33,7 +33,7 @@ const SHARE: f64 = 0.01;
 const GAP: f64 = 1.7;
 const TOLD: f64 = 0.02;
 const HIDDEN: f64 = 0.4;
-/// A jump of the heights by this share of the largest depth is told, at so many places.
+/// A note names jumps of the heights by more than this share of the largest depth, at most at this many places.
 const JUMP: f64 = 0.05;
 const MOST: usize = 4;
 /// The core of a scar is deeper than this share of the largest depth.
