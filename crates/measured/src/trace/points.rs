@@ -25,7 +25,7 @@ const CHANCE: f64 = 1e-6;
 const OFTEN: usize = 2;
 
 /// Heights jump by this many times the noise, and this many times as steeply as near there. Of 1000 random traces without joined
-/// images (`trace_kinds`), 14 have such a jump: steep sides with few points, and drop-outs.
+/// images (`trace_kinds`), 14 have such a jump, mostly at narrow ridges and steep sides with few points.
 const JUMP: (f64, f64) = (10.0, 6.0);
 /// The number of neighbours on each side that are near.
 const NEAR: usize = 5;
