@@ -146,13 +146,14 @@ async def answer(connection):
     start, body = text.split(b"\r\n\r\n", 1)
     first, *lines = start.decode("latin-1").split("\r\n")
     headers = {name.lower(): value.strip() for name, value in (line.split(":", 1) for line in lines)}
-    length = int(headers.get("content-length", 0))
-    while len(body) < length:
+    missing, parts = int(headers.get("content-length", 0)) - len(body), [body]
+    while missing > 0:
         more = await receive(connection)
         if not more:
             return None
-        body += more
-    return Answer(int(first.split(" ")[1]), headers, body)
+        parts.append(more)
+        missing -= len(more)
+    return Answer(int(first.split(" ")[1]), headers, b"".join(parts))
 
 
 async def ask(source, request):

@@ -1,0 +1,110 @@
+"""Callers compute studies with large tables and large runs, two callers each of them. Many others read these tables and the large
+result: reports, statistics, tables and figures, each in another form. At the same time, they send scenarios of 2 MB.
+
+    python tables.py TARGET
+
+The server may refuse requests with 503, but must answer some.
+"""
+
+import asyncio
+import collections
+import itertools
+import json
+import time
+
+from client import addresses, ask, attack, head, outcome, post, target, told
+from server import LARGE
+
+READERS, WRITERS, SECONDS, POINTS = 24, 8, 10, 4000
+SOURCES = addresses(18, READERS + WRITERS)
+SCENARIO = {
+    "profile": {"shape": "paraboloid", "radius": "10 mm"},
+    "moduli": {"normal": "113 GPa", "tangential": "93 GPa"},
+    "friction": 0.7,
+    "wear": {"coefficient": "3.03e-5 mm^3/(N m)"},
+    "load": {"normal_force": "100 N", "held": "depth"},
+    "motion": {"amplitude": "2 um"},
+    "cycles": [1000],
+    "model": {"method": "simplified", "points": 16},
+}
+# A table of about 50 MB: 700 radii for each point.
+CURVES = {"radius": {"from": 0, "to": "150 um", "count": 700}, "fields": ["wear"]}
+PATHS = [
+    "report",
+    "statistics",
+    "table?format=csv&digits={digits}",
+    "profiles?format=csv&digits={digits}",
+    "profiles?format=ndjson&digits={digits}",
+    "?format=npz&digits={digits}",
+    "plot.svg",
+    "histogram",
+]
+
+
+def study(number):
+    """A sweep with numbers of its own."""
+    vary = {"pointer": "/friction", "from": 0.5, "to": 0.8 + number / 100, "count": POINTS}
+    return json.dumps({"sweep": {"scenario": SCENARIO, "vary": [vary], "outputs": ["wear_volume"], "profiles": CURVES}}).encode()
+
+
+def run(number):
+    """A run with numbers of its own and about 15 MB of profiles."""
+    cycles = {"from": 1000, "to": 100_000, "count": 40, "spacing": "log"}
+    return json.dumps({"scenario": LARGE | {"friction": 0.5 + number / 100, "cycles": cycles}}).encode()
+
+
+def scenario(number):
+    """A body of 2 MB: a measured profile of 70 000 points."""
+    radius = [place * 1e-8 for place in range(70_000)]
+    profile = {"shape": "table", "radius": radius, "height": [r * r / (0.02 + number / 1e6) for r in radius]}
+    return json.dumps({"scenario": SCENARIO | {"profile": profile}}).encode()
+
+
+async def result(body, key):
+    """Computes a job, or joins it. Returns the path of its result."""
+    reply = await ask(SOURCES[0], post("/v1/jobs", key, body))
+    assert reply.status in (200, 202), reply
+    job = json.loads(reply.body)
+    while job["state"] != "succeeded":
+        assert job["state"] in ("queued", "running"), job
+        await asyncio.sleep(0.2)
+        reply = await ask(SOURCES[0], head("GET", f"/v1/jobs/{job['id']}", key))
+        job = json.loads(reply.body)
+    return f"/v1/results/{job['key']}"
+
+
+async def read(place, paths, end, got):
+    """Reads one view after the other."""
+    for number in itertools.count():
+        if time.monotonic() > end:
+            return
+        view = PATHS[(place + number) % len(PATHS)]
+        path = paths[number % len(paths)] + "/" + view.format(digits=4 + place % 8)
+        reply = await ask(SOURCES[place], head("GET", path.replace("/?", "?"), target.readers[place % len(target.readers)]))
+        got[view].append(outcome(reply))
+
+
+async def write(place, end, got):
+    """Sends scenarios of 2 MB."""
+    body = scenario(place)
+    while time.monotonic() < end:
+        reply = await ask(SOURCES[READERS + place], post("/v1/scenarios", target.reader, body))
+        got["scenario"].append(outcome(reply))
+
+
+async def program():
+    large = target.links[0].split("?")[0]
+    first = await result(study(0), target.keys[0])
+    end, got = time.monotonic() + SECONDS, collections.defaultdict(list)
+    paths = [large, first]
+    reading = [read(place, paths, end, got) for place in range(READERS)]
+    writing = [write(place, end, got) for place in range(WRITERS)]
+    bodies = [study(1), run(1), study(2), run(2)]
+    computing = [result(body, key) for body in bodies for key in target.keys[:2]]
+    await asyncio.gather(*reading, *writing, *computing)
+    report = "; ".join(f"{name.split('?')[0] or 'result'} {told(outcomes)}" for name, outcomes in got.items())
+    assert not {"200", "422"}.isdisjoint(itertools.chain.from_iterable(got.values())), report
+    return report
+
+
+attack(program)
