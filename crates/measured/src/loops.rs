@@ -38,6 +38,9 @@ const LEAST: usize = 10;
 const COLUMNS: &str =
     "points energy energy_error displacement_amplitude force_amplitude aperture slope slope_error";
 
+const HELD: &str = "The force keeps one value over several rows and then jumps, so it was read more slowly than the displacement. \
+                    Energy, aperture and slope are wrong: export both with the same rate, or keep only the rows with a new force.";
+
 /// What is wrong with a cycle.
 const FAULTS: [&str; 3] = [
     "with fewer rows than their neighbours",
@@ -80,6 +83,9 @@ pub fn loops(rows: Vec<(f64, f64)>, notes: &mut Notes) -> Result<Value, String> 
     let (x, force) = without_spikes(enough(rows, LEAST, "rows with both numbers")?, notes);
     let count = x.len();
     let record = Record::of(x, force);
+    if record.is_held() {
+        notes.push(HELD.to_owned());
+    }
     let cycles = record.cycles();
     let (Some(first), Some(last)) = (cycles.first(), cycles.last()) else {
         return Err("is no loop: the displacement does not end where it begins. Keep the rows of one or more whole cycles, or \

@@ -1,5 +1,7 @@
 //! A record of a friction loop: its reversals, and the places where it is cut into cycles.
 
+use std::ops::Range;
+
 use super::curve::{
     aperture, changes, drift, ends, merged, noise, period, slope, smooth, spread, turns, work,
 };
@@ -29,6 +31,9 @@ const ASIDE: f64 = 0.5;
 /// The displacement jumps between two rows if it changes by more than this many times the usual largest change: all but this share
 /// of the rows change by less. Spikes of up to six rows may be missing.
 const JUMP: (f64, f64) = (8.0, 0.02);
+/// A force that is read more slowly than the displacement jumps between values that it keeps over this many rows, by such a share of
+/// its range, in more than the last share of all its changes. A full jump is friction without elasticity.
+const HELD: (usize, Range<f64>, f64) = (3, 0.05..0.95, 0.5);
 
 /// Where a cycle begins or ends: its row, the displacement and the force there, and the energy until there.
 #[derive(Clone, Copy)]
@@ -159,6 +164,26 @@ impl Record {
         let usual = ((1.0 - JUMP.1) * steps.len() as f64) as usize;
         let most = JUMP.0 * *sorted.select_nth_unstable_by(usual, f64::total_cmp).1;
         (0..steps.len()).filter(|row| steps[*row] > most).collect()
+    }
+
+    /// Whether the force was read more slowly than the displacement.
+    pub fn is_held(&self) -> bool {
+        let (rows, jump, most) = HELD;
+        let (mut held, mut all, mut at) = (0.0, 0.0, 0);
+        let runs = self.force.chunk_by(|one, next| one.total_cmp(next).is_eq()).map(|run| {
+            let last = at + run.len() - 1;
+            let is_long = run.len() >= rows && (self.x[last] - self.x[at]).abs() > 0.0;
+            at = last + 1;
+            (run[0], is_long)
+        });
+        for pair in runs.collect::<Vec<_>>().windows(2) {
+            let change = (pair[1].0 - pair[0].0).abs();
+            all += change;
+            if pair[0].1 && pair[1].1 && jump.contains(&(change / self.ranges[1])) {
+                held += change;
+            }
+        }
+        held > most * all
     }
 
     /// The numbers of a cycle: those of a table of loops.

@@ -19,7 +19,7 @@ const PREFIXES: &str = "nano n micro u milli m centi c kilo k mega M giga G";
 /// The word before a unit, as in `Load in N`. It is no inch.
 const IN: &str = "in ";
 /// Words for a factor in the name of a column.
-const MANY: &str = "thousand thousands million millions mio tsd";
+const MANY: &str = "thousand thousands million millions mio tsd kilozyklen kilocycles";
 /// Texts for many cycles. The first of each stands alone, too.
 const COUNTS: [(&str, f64); 2] =
     [("thousand k kilo 10^3 10³ 1e3 1000", 1e3), ("million m mega 10^6 10⁶ 1e6 1000000", 1e6)];
@@ -166,7 +166,10 @@ pub fn has_factor(name: &str) -> bool {
         let is_raised = word
             .strip_prefix(['E', 'e'])
             .is_some_and(|rest| rest.starts_with('+') && rest.parse::<u32>().is_ok());
-        is_raised || MANY.split(' ').any(|own| own == word.to_lowercase())
+        let is_joined = word
+            .split_once('x')
+            .is_some_and(|(name, after)| !name.is_empty() && after.len() > 3 && is_power(after));
+        is_raised || is_joined || MANY.split(' ').any(|own| own == word.to_lowercase())
     };
     words.windows(2).enumerate().any(is_product) || words.iter().any(|word| is_word(word))
 }

@@ -371,6 +371,9 @@ fn long_spikes_short_neighbours_drift_and_columns_without_a_loop_are_told() {
     let still: Vec<_> = ten.iter().map(|(_, force)| (7.0, *force)).collect();
     // Recordings of a cycle, each of which begins elsewhere in it.
     let bursts = [0, 60, 120, 20, 90, 150, 40].map(|first| &ten[first..first + 200]).concat();
+    // A force that is read once in 20 rows.
+    let held = |row: usize| (ten[row].0, ten[row - row % 20].1);
+    let held: Vec<_> = (0..ten.len()).map(held).collect();
     let said = |rows: &[(f64, f64)]| {
         let found = read(file(rows.iter().copied()).as_bytes(), &LOOP);
         let told = |found: Measured| {
@@ -382,6 +385,7 @@ fn long_spikes_short_neighbours_drift_and_columns_without_a_loop_are_told() {
         (&spikes, 1.5e-3, "9 row(s) with spikes were left out, the first is row 301"),
         (&gaps, 1.5e-3, "2 cycle(s) with fewer rows than their neighbours"),
         (&bursts, f64::NAN, "in which the displacement jumps"),
+        (&held, f64::NAN, "it was read more slowly than the displacement"),
         (&drifts, 1.5e-3, "The rows are 3 cycle(s)"),
         (&elastic, 0.0, "in 9 cycle(s): all of it in cycle"),
         (&still, f64::NAN, "choose the column of the displacement as x"),

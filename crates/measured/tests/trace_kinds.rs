@@ -37,6 +37,10 @@ enum Kind {
     Hump,
     /// A flat bottom between two steps.
     Box,
+    /// Two planes that meet at an edge.
+    Edge,
+    /// Nearly flat in the middle: a fault of the form.
+    Quartic,
 }
 
 impl Part {
@@ -51,6 +55,8 @@ impl Part {
             Kind::Ring => (1.0 - u * u) * (0.4 + 2.4 * u * u) / 0.817,
             Kind::Hump => (1.0 - u * u) * (1.0 - u * u),
             Kind::Box => 1.0,
+            Kind::Edge => 1.0 - u.abs(),
+            Kind::Quartic => 1.0 - u.powi(4),
         };
         self.height * shape * (1.0 + self.skew * u)
     }
@@ -692,6 +698,29 @@ fn errors_contain_long_waves() {
             far += u32::from(off.abs() > 3.0);
         }
         assert!(far <= 1, "{length}: {far}");
+    }
+}
+
+/// A circle through the sides of such a surface does not show what was removed.
+#[test]
+fn errors_contain_edges_and_faults_of_the_form() {
+    for (kind, height) in [
+        (Kind::Edge, 1.0),
+        (Kind::Edge, 0.3),
+        (Kind::Edge, -0.3),
+        (Kind::Quartic, 0.6),
+        (Kind::Quartic, 0.3),
+        (Kind::Quartic, -0.3),
+    ] {
+        let form = Part { kind, half: 700.0, height, ..SCAR };
+        let bent = made(f64::INFINITY, &[SCAR, form]);
+        let measured = answer(&bent, &TRACE).unwrap();
+        let far = [("volume_removed", bent.removed()), ("depth", 4e-6)]
+            .map(|(name, truth)| deviation(&measured, name, truth).abs());
+        assert!(far.iter().all(|far| *far < 3.0), "{kind:?} {height}: {far:?}");
+        let is_told = measured.notes.iter().any(|note| note.contains("is no plane or circle"));
+        let is_far = off(&bent, &measured)[0].abs() > 0.1;
+        assert!(is_told || !is_far, "{kind:?} {height}: {:?}", measured.notes);
     }
 }
 

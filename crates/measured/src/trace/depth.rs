@@ -15,7 +15,8 @@ const FACTOR: f64 = 1.6;
 const LAST: f64 = 0.7;
 
 /// The largest depth of the scar, and its standard deviation.
-pub fn deepest(Scar { trace, range, gaps, .. }: &Scar) -> Size {
+pub fn deepest(scar: &Scar) -> Size {
+    let Scar { trace, range, gaps, .. } = scar;
     let (depths, surface) = (&trace.depths[range.clone()], &trace.surface);
     let count = depths.len() as f64;
     let means = |half: usize| smooth(depths, 2 * half + 1).into_iter().enumerate();
@@ -35,7 +36,7 @@ pub fn deepest(Scar { trace, range, gaps, .. }: &Scar) -> Size {
         near =
             range.start + at.saturating_sub(half)..range.start + (at + half + 1).min(depths.len());
         let share = 1.0 / near.len() as f64;
-        let [scatter, unworn] = surface.error(near.clone().map(|at| (trace.points[at].0, share)));
+        let [scatter, unworn] = scar.error(&near.clone().map(|at| (trace.points[at].0, share)));
         let scatter = scatter.min(surface.scatter);
         // The largest of several means is too large by about this many standard deviations.
         let chosen = (2.0 * libm::log((count / size).max(1.0))).sqrt();

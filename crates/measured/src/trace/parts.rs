@@ -7,7 +7,7 @@
 use std::ops::Range;
 
 use super::points::{Points, noise};
-use super::surface::Surface;
+use super::surface::{Flaw, Surface};
 use crate::curve::{median, smooth};
 
 /// One in this many points at each end must be unworn.
@@ -136,12 +136,12 @@ impl PreparedTrace {
 }
 
 /// Finds the unworn surface. It starts with both ends of the trace, or with both sides of the scar if its ends in x are
-/// known. `edge` is where the surface may rise by a step.
+/// known. The surface may have a flaw.
 pub fn find(
     points: Points,
     is_half: bool,
     window: Option<[f64; 2]>,
-    edge: Option<[f64; 2]>,
+    flaw: Option<Flaw>,
 ) -> PreparedTrace {
     let count = points.len();
     let half = (count / WINDOW).clamp(BOUNDS.0, BOUNDS.1) / 2;
@@ -155,7 +155,7 @@ pub fn find(
         None => at.min(count - 1 - at) < count / UNWORN,
     };
     let is_unworn: Vec<bool> = (0..count).map(is_first).collect();
-    let surface = Surface::over(&points, is_half, edge);
+    let surface = Surface::over(&points, is_half, flaw);
     let mut found =
         PreparedTrace { points, surface, depths: Vec::new(), is_unworn, parts: Vec::new() };
     let mut is_grown = false;

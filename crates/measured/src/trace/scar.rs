@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::parts::{Part, PreparedTrace, UNWORN, find, largest, named};
 use super::points::{Points, clipped, jumps, limits, noise};
-use super::surface::Surface;
+use super::surface::{Flaw, Surface};
 use super::wanted::{Prepare, Up, Wanted};
 use crate::curve::median;
 use crate::notes::Notes;
@@ -47,8 +47,9 @@ pub const CHOOSE: &str = "choose it with scar=FROM..TO, such as scar=0.4..1.6mm"
 pub struct Scar {
     /// The trace, and all its parts.
     pub trace: PreparedTrace,
-    /// The unworn surface from the nearer half of its points. A long wave makes it another one.
-    pub near: Surface,
+    /// Other unworn surfaces: from the nearer half of the points, which a long wave makes another one, and with an edge in the
+    /// scar, if the points show that a plane or circle is none.
+    others: Vec<Surface>,
     /// The points between the ends of the scar. Empty if there is none.
     pub range: Range<usize>,
     /// The removed parts of the scar.
@@ -88,7 +89,7 @@ fn between(points: Points, is_half: bool, ends: [f64; 2]) -> Result<PreparedTrac
             named(ends)
         ));
     }
-    let mut trace = find(points, is_half, Some(ends), Some(ends));
+    let mut trace = find(points, is_half, Some(ends), Some(Flaw::Step(ends)));
     trace.parts = trace.inside(&trace.parts, &(first..after));
     // The user sees a scar that hardly stands out of the noise.
     if 2 * trace.parts.iter().map(|part| part.range.len()).sum::<usize>() < after - first {
@@ -147,8 +148,8 @@ pub fn scar(mut points: Points, wanted: &Wanted<'_>, notes: &mut Notes) -> Resul
         ));
     }
     let (added, removed) = trace.parts.iter().cloned().partition(|part| part.area < 0.0);
-    let near = trace.surface;
-    let mut scar = Scar { trace, near, range: 0..0, removed, added, gaps: Vec::new() };
+    let (range, others, gaps) = (0..0, Vec::new(), Vec::new());
+    let mut scar = Scar { trace, others, range, removed, added, gaps };
     if scar.trace.parts.is_empty() {
         check_round(&scar.trace, wanted)?;
         return Ok(scar);
@@ -174,6 +175,17 @@ impl Scar {
     /// The ends of the scar in x.
     pub fn ends(&self) -> Option<[f64; 2]> {
         (!self.range.is_empty()).then(|| self.trace.ends(&self.range))
+    }
+
+    /// The standard deviation of a sum of heights, each with its weight: from the scatter, and from the unworn surface.
+    pub fn error(&self, weights: &(impl Iterator<Item = (f64, f64)> + Clone)) -> [f64; 2] {
+        let surface = &self.trace.surface;
+        let shift = |other: &Surface| {
+            weights.clone().map(|(x, own)| own * (other.at(x) - surface.at(x))).sum()
+        };
+        let shift = self.others.iter().map(shift).fold(0.0, libm::hypot);
+        let [scatter, fitted] = surface.error(weights.clone());
+        [scatter, libm::hypot(fitted, shift)]
     }
 
     /// The points between the first and the last of several neighbours that are all deeper than a limit.
@@ -256,7 +268,12 @@ impl Scar {
         }
         let least = (SCATTER * self.trace.surface.scatter).max(SHARE * self.deepest(&all));
         (self.range, self.removed) = (self.deeper(&all, least), own.to_vec());
-        self.near = self.trace.nearer(&all);
+        let [from, to] = self.trace.ends(&all);
+        let bent = self.again(wanted.scar, Flaw::Edge(0.5 * (from + to))).surface;
+        self.others = [self.trace.nearer(&all)]
+            .into_iter()
+            .chain(Some(bent).filter(Surface::is_bent))
+            .collect();
         if wanted.scar.is_none() {
             return self.check_sides(wanted);
         }
@@ -350,18 +367,24 @@ impl Scar {
         step.map_or(Ok(()), |step| Err(format!("has {step}")))
     }
 
-    /// A step of the unworn surface, and the scar that the surface then has. It is where most of the points are unworn.
-    fn step(&self) -> Option<String> {
+    /// The trace with fewer points, if its unworn surface may have a flaw.
+    fn again(&self, window: Option<[f64; 2]>, flaw: Flaw) -> PreparedTrace {
         let PreparedTrace { points, surface, .. } = &self.trace;
         let thin = points.len().div_ceil(THIN);
-        let thinned: Points = points.iter().step_by(thin).copied().collect();
+        let points = points.iter().step_by(thin).copied().collect();
+        find(points, surface.is_half, window, Some(flaw))
+    }
+
+    /// A step of the unworn surface, and the scar that the surface then has. It is where most of the points are unworn.
+    fn step(&self) -> Option<String> {
+        let count = self.trace.points.len().min(THIN) as f64;
         let [first, last] = self.trace.ends(&self.trace.all());
         let width = (last - first) / STEPS;
         let places = (1..STEPS as usize).map(|at| first + at as f64 * width);
         let beside = places.map(|x| ([x - 1e-3 * width, x + 1e-3 * width], GAIN));
         let tried = beside.chain(self.ends().map(|own| (own, 0.0))).map(|(edge, gain)| {
-            let trace = find(thinned.clone(), surface.is_half, None, Some(edge));
-            let more = trace.unworn(trace.all()).len() as f64 - gain * thinned.len() as f64;
+            let trace = self.again(None, Flaw::Step(edge));
+            let more = trace.unworn(trace.all()).len() as f64 - gain * count;
             (more, edge, trace)
         });
         let (_, [from, to], best) = tried.max_by(|one, other| one.0.total_cmp(&other.0))?;

@@ -6,8 +6,8 @@
 //! ```
 //! d is the depth or height, w the length for which a point stands, and a the axis. So each side of the trace is half of a
 //! body of revolution. The errors are standard deviations: from the scatter of the points, of which neighbours go together,
-//! from the covariance of the unworn surface and what its nearer half changes, for volumes from the axis, and from points that are
-//! clipped or left out.
+//! from the covariance of the unworn surface and what its nearer half or an edge changes, for volumes from the axis, and from
+//! points that are clipped or left out.
 
 use std::f64::consts::PI;
 
@@ -49,7 +49,7 @@ impl Size {
     pub fn cause(&self) -> &'static str {
         let causes = [
             "the scatter of the points",
-            "the unworn surface, of which too little was measured or which is wavy. Measure farther",
+            "the unworn surface, of which too little was measured or which is no plane or circle. Measure farther",
             "the axis, because left and right differ",
             "points that are clipped or left out",
         ];
@@ -88,19 +88,18 @@ impl<'a> Sizes<'a> {
     }
     /// The sum of the depths or heights of parts, each with a weight.
     fn sum(&self, parts: &[Part], weight: &dyn Fn(f64) -> f64) -> Size {
-        let Scar { trace, near, gaps, .. } = self.scar;
+        let Scar { trace, gaps, .. } = self.scar;
         let all = || parts.iter().flat_map(|part| part.range.clone());
         let weights = || all().map(|at| (trace.points[at].0, trace.share(at, weight)));
         let value: f64 = all().zip(weights()).map(|(at, own)| own.1 * trace.depths[at]).sum();
-        let [scatter, surface] = trace.surface.error(weights());
-        let shift: f64 = weights().map(|(x, own)| own * (near.at(x) - trace.surface.at(x))).sum();
+        let [scatter, surface] = self.scar.error(&weights());
         let inside = gaps.iter().filter(|gap| all().any(|at| gap.range.contains(&at)));
         let missing = inside.map(|Gap { range, error }| {
             let [from, to] = trace.ends(range);
             let middle = 4.0 * weight(0.5 * (from + to)).abs();
             error * (to - from) * (weight(from).abs() + middle + weight(to).abs()) / 6.0
         });
-        let errors = [scatter, libm::hypot(surface, shift), 0.0, missing.sum()];
+        let errors = [scatter, surface, 0.0, missing.sum()];
         Size { value, errors }
     }
 

@@ -12,14 +12,16 @@ use std::array::from_fn;
 
 use super::points::resolution;
 
-/// The columns of the fit: 1, u, u², the derivative of h by x₀, and a step of the surface. The heights are one more.
+/// The columns of the fit: 1, u, u², the derivative of h by x₀, and a flaw of the surface. The heights are one more.
 const COLUMNS: usize = 5;
 const SHEAR: usize = 3;
-const STEP: usize = 4;
+const FLAW: usize = 4;
 /// A shear or a wave that is smaller than this many standard deviations counts as noise.
 const SURE: f64 = 4.0;
 /// A step counts if it is this many times the scatter and its standard deviation.
 const EDGE: f64 = 5.0;
+/// A change of the slope counts beyond this many standard deviations.
+const BENT: f64 = 2.0;
 /// The standard deviation of the shear that is expected without knowledge, in rad.
 const EXPECTED: f64 = 0.02;
 /// Maximum number of repetitions of a fit that is not linear, and the relative change at which it ends.
@@ -32,6 +34,15 @@ const SINGULAR: f64 = 1e-11;
 
 type Matrix = [[f64; COLUMNS + 1]; COLUMNS + 1];
 
+/// What a circle or a plane lacks.
+#[derive(Debug, Clone, Copy)]
+pub enum Flaw {
+    /// The surface rises by a step between both positions.
+    Step([f64; 2]),
+    /// The slope changes at a position, by twice the coefficient.
+    Edge(f64),
+}
+
 /// The unworn surface.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Surface {
@@ -42,8 +53,7 @@ pub struct Surface {
     rounding: f64,
     /// Whether the trace is a half that was mirrored at x = 0: then u is |u| in its tilt.
     pub is_half: bool,
-    /// The ends of a stretch in which the surface rises by a step.
-    edge: Option<[f64; 2]>,
+    flaw: Option<Flaw>,
     coefficients: [f64; COLUMNS],
     /// The covariance of the coefficients in units of the variance of means.
     covariance: [[f64; COLUMNS]; COLUMNS],
@@ -76,12 +86,12 @@ fn swept(mut matrix: Matrix) -> Matrix {
 }
 
 impl Surface {
-    /// A surface over all points of a trace, perhaps with a step in a stretch, before it is fitted.
-    pub fn over(points: &[(f64, f64)], is_half: bool, edge: Option<[f64; 2]>) -> Self {
+    /// A surface over all points of a trace, perhaps with a flaw, before it is fitted.
+    pub fn over(points: &[(f64, f64)], is_half: bool, flaw: Option<Flaw>) -> Self {
         let (first, last) = (points[0].0, points[points.len() - 1].0);
         let (middle, half) = (0.5 * (first + last), 0.5 * (last - first));
         let rounding = resolution(points) / 12_f64.sqrt();
-        Self { middle, half, rounding, is_half, edge, ..Self::default() }
+        Self { middle, half, rounding, is_half, flaw, ..Self::default() }
     }
 
     /// The surface through some points.
@@ -107,6 +117,11 @@ impl Surface {
     /// Half of the second derivative at the apex.
     pub fn bend(&self) -> f64 {
         self.coefficients[2] / (self.half * self.half)
+    }
+
+    /// Whether the slope changes for sure.
+    pub fn is_bent(&self) -> bool {
+        self.coefficients[FLAW].abs() > BENT * self.deviation(FLAW)
     }
 
     /// The radius at the apex. None for a plane.
@@ -142,8 +157,8 @@ impl Surface {
 
     /// The height of a step, if it is many times the scatter and its standard deviation.
     pub fn step(&self) -> Option<f64> {
-        let height = self.coefficients[STEP];
-        let least = EDGE * self.scatter.max(self.deviation(STEP));
+        let height = self.coefficients[FLAW];
+        let least = EDGE * self.scatter.max(self.deviation(FLAW));
         (height.abs() > least).then_some(height)
     }
 
@@ -151,13 +166,16 @@ impl Surface {
     fn row(&self, x: f64) -> ([f64; COLUMNS], f64) {
         let u = (x - self.middle) / self.half;
         let tilt = if self.is_half { u.abs() } else { u };
-        let rise = |[from, to]: [f64; 2]| ((x - from) / (to - from)).clamp(0.0, 1.0) - 0.5;
+        let flaw = |flaw: Flaw| match flaw {
+            Flaw::Step([from, to]) => ((x - from) / (to - from)).clamp(0.0, 1.0) - 0.5,
+            Flaw::Edge(at) => (x - at).abs() / self.half,
+        };
         let (bend, v) = (if self.is_round { self.bend() } else { 0.0 }, x - self.apex);
         let sine = 2.0 * bend * v;
         let cosine = (1.0 - sine * sine).max(1e-4).sqrt();
         let beyond = bend * v * v * (2.0 / (1.0 + cosine) - 1.0);
         let shear = sine * (1.0 - 1.0 / cosine);
-        ([1.0, tilt, u * u, shear, self.edge.map_or(0.0, rise)], beyond)
+        ([1.0, tilt, u * u, shear, self.flaw.map_or(0.0, flaw)], beyond)
     }
 
     /// Least squares with the curvature of before, the next apex, and the scatter, which is at least that of rounded heights.
@@ -186,7 +204,7 @@ impl Surface {
         self.apex = apex.max(self.middle - reach).min(self.middle + reach);
         self.coefficients[SHEAR] = 0.0;
         let deviations: Vec<f64> = used.iter().map(|(x, z)| z - self.at(*x)).collect();
-        let columns = 3 + usize::from(self.is_round) + usize::from(self.edge.is_some());
+        let columns = 3 + usize::from(self.is_round) + usize::from(self.flaw.is_some());
         let free = used.len().saturating_sub(columns).max(1) as f64;
         let sum: f64 = deviations.iter().map(|it| it * it).sum();
         self.scatter = (sum / free).sqrt().max(self.rounding);
@@ -217,7 +235,7 @@ impl Surface {
         let dot = |row: &[f64; COLUMNS]| row.iter().zip(sum).map(|(own, sum)| own * sum).sum();
         let square: f64 = dot(&self.covariance.map(|row| dot(&row)));
         let [scatter, surface] = [squares, square.max(0.0)].map(|of| (self.variance() * of).sqrt());
-        [scatter, libm::hypot(surface, 0.5 * all * self.coefficients[STEP])]
+        [scatter, libm::hypot(surface, 0.5 * all * self.coefficients[FLAW])]
     }
 }
 
