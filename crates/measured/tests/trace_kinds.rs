@@ -510,6 +510,14 @@ fn one_scar_is_chosen() {
 }
 
 #[test]
+fn the_edge_of_a_sample_beside_a_chosen_scar_is_left_out() {
+    let drop = Part { kind: Kind::Box, middle: 1300.0, half: 100.0, height: -60.0, skew: 0.0 };
+    let made = made(f64::INFINITY, &[SCAR, drop]);
+    let measured = answer(&made, &Wanted { scar: Some([460e-6, 940e-6]), ..TRACE }).unwrap();
+    assert!(off(&made, &measured)[0].abs() < 0.01, "{:?}", measured.prepared["trace"]);
+}
+
+#[test]
 fn joined_images_are_told() {
     let is_told = |parts: &[Part]| {
         let notes = answer(&made(f64::INFINITY, parts), &TRACE).unwrap().notes;

@@ -10,7 +10,7 @@ use super::points::{Points, noise};
 use super::surface::{Flaw, Surface};
 use crate::curve::{median, smooth};
 
-/// One in this many points at each end must be unworn.
+/// One of this many parts of the trace must be unworn at each end.
 pub const UNWORN: usize = 10;
 /// A part exceeds this many standard deviations, or this share of the largest depth.
 const SURE: f64 = 4.0;
@@ -146,13 +146,14 @@ pub fn find(
     let count = points.len();
     let half = (count / WINDOW).clamp(BOUNDS.0, BOUNDS.1) / 2;
     let noise = noise(&points) / (2.0 * half as f64 + 1.0).sqrt();
-    // If the ends of the scar are known, the search starts with the points up to its width beside it.
-    let is_first = |at: usize| match window {
-        Some([from, to]) => {
-            let (x, width) = (points[at].0, to - from);
-            (x < from || x > to) && x > from - width && x < to + width
-        }
-        None => at.min(count - 1 - at) < count / UNWORN,
+    let [first, last] = [points[0].0, points[count - 1].0];
+    let tenth = (last - first) / UNWORN as f64;
+    // If the ends of the scar are known, the search starts with the points up to half of its width beside it.
+    let is_first = |at: usize| {
+        let x = points[at].0;
+        let Some([from, to]) = window else { return (x - first).min(last - x) < tenth };
+        let half = 0.5 * (to - from);
+        (x < from || x > to) && x > from - half && x < to + half
     };
     let is_unworn: Vec<bool> = (0..count).map(is_first).collect();
     let surface = Surface::over(&points, is_half, flaw);

@@ -21,6 +21,8 @@ const THIN: usize = 500;
 const GAIN: f64 = 0.04;
 /// Without a scar, a surface is no circle if it scatters by this many times the noise and this share of its height.
 const ROUGH: (f64, f64) = (10.0, 0.01);
+/// A surface with an edge that scatters by this many times more is none.
+const ROUGHER: f64 = 1.25;
 /// Minimum number of points in a scar, and on each side of it.
 const BESIDE: usize = 8;
 /// Minimum and maximum number of neighbours at the ends of the scar that exceed this many times the scatter and this share
@@ -270,10 +272,9 @@ impl Scar {
         (self.range, self.removed) = (self.deeper(&all, least), own.to_vec());
         let [from, to] = self.trace.ends(&all);
         let bent = self.again(wanted.scar, Flaw::Edge(0.5 * (from + to))).surface;
-        self.others = [self.trace.nearer(&all)]
-            .into_iter()
-            .chain(Some(bent).filter(Surface::is_bent))
-            .collect();
+        let is_other = bent.is_bent() && bent.scatter < ROUGHER * self.trace.surface.scatter;
+        let nearer = self.trace.nearer(&all);
+        self.others = is_other.then_some(bent).into_iter().chain([nearer]).collect();
         if wanted.scar.is_none() {
             return self.check_sides(wanted);
         }
@@ -356,8 +357,10 @@ impl Scar {
 
     /// Refuses a scar whose sides are not one plane or circle, or are not measured.
     fn check_sides(&self, wanted: &Wanted<'_>) -> Result<(), String> {
-        let (step, count) = (self.step(), self.trace.points.len());
-        if self.range.start.min(count - self.range.end) < count / UNWORN {
+        let ([from, to], [first, last]) =
+            (self.trace.ends(&self.range), self.trace.ends(&self.trace.all()));
+        let step = self.step();
+        if (from - first).min(last - to) < (last - first) / UNWORN as f64 {
             let (own, farther) = (self.trace.named(&self.range), farther(wanted));
             let step = step.map_or_else(String::new, |step| format!(". Or it has {step}"));
             return Err(format!(
@@ -377,14 +380,13 @@ impl Scar {
 
     /// A step of the unworn surface, and the scar that the surface then has. It is where most of the points are unworn.
     fn step(&self) -> Option<String> {
-        let count = self.trace.points.len().min(THIN) as f64;
         let [first, last] = self.trace.ends(&self.trace.all());
         let width = (last - first) / STEPS;
         let places = (1..STEPS as usize).map(|at| first + at as f64 * width);
         let beside = places.map(|x| ([x - 1e-3 * width, x + 1e-3 * width], GAIN));
         let tried = beside.chain(self.ends().map(|own| (own, 0.0))).map(|(edge, gain)| {
             let trace = self.again(None, Flaw::Step(edge));
-            let more = trace.unworn(trace.all()).len() as f64 - gain * count;
+            let more = trace.unworn(trace.all()).len() as f64 - gain * trace.points.len() as f64;
             (more, edge, trace)
         });
         let (_, [from, to], best) = tried.max_by(|one, other| one.0.total_cmp(&other.0))?;
