@@ -1,5 +1,5 @@
-"""Callers compute studies with large tables and large runs, two callers each of them. Many others read these tables and the large
-result: reports, statistics, tables and figures, each in another form. At the same time, they send scenarios of 2 MB.
+"""Callers compute studies with large tables and large runs, two callers each of them. Two owners with many callers read these tables
+and the large result: reports, statistics, tables and figures, each in another form. Two more owners send scenarios of 2 MB.
 
     python tables.py TARGET
 
@@ -60,17 +60,22 @@ def scenario(number):
     return json.dumps({"scenario": SCENARIO | {"profile": profile}}).encode()
 
 
+async def job(request):
+    """The answer to a request about a job. Repeats a request that the server refuses for now."""
+    while (reply := await ask(SOURCES[0], request)) is None or reply.status == 503:
+        await asyncio.sleep(0.2)
+    assert reply.status in (200, 202), reply
+    return json.loads(reply.body)
+
+
 async def result(body, key):
     """Computes a job, or joins it. Returns the path of its result."""
-    reply = await ask(SOURCES[0], post("/v1/jobs", key, body))
-    assert reply.status in (200, 202), reply
-    job = json.loads(reply.body)
-    while job["state"] != "succeeded":
-        assert job["state"] in ("queued", "running"), job
+    found = await job(post("/v1/jobs", key, body))
+    while found["state"] != "succeeded":
+        assert found["state"] in ("queued", "running"), found
         await asyncio.sleep(0.2)
-        reply = await ask(SOURCES[0], head("GET", f"/v1/jobs/{job['id']}", key))
-        job = json.loads(reply.body)
-    return f"/v1/results/{job['key']}"
+        found = await job(head("GET", f"/v1/jobs/{found['id']}", key))
+    return f"/v1/results/{found['key']}"
 
 
 async def read(place, paths, end, got):
@@ -80,7 +85,7 @@ async def read(place, paths, end, got):
             return
         view = PATHS[(place + number) % len(PATHS)]
         path = paths[number % len(paths)] + "/" + view.format(digits=4 + place % 8)
-        reply = await ask(SOURCES[place], head("GET", path.replace("/?", "?"), target.readers[place % len(target.readers)]))
+        reply = await ask(SOURCES[place], head("GET", path.replace("/?", "?"), (*target.readers, *target.keys)[place % 8]))
         got[view].append(outcome(reply))
 
 
@@ -88,7 +93,8 @@ async def write(place, end, got):
     """Sends scenarios of 2 MB."""
     body = scenario(place)
     while time.monotonic() < end:
-        reply = await ask(SOURCES[READERS + place], post("/v1/scenarios", target.reader, body))
+        key = (target.reader, target.leaver)[place % 2]
+        reply = await ask(SOURCES[READERS + place], post("/v1/scenarios", key, body))
         got["scenario"].append(outcome(reply))
 
 

@@ -31,9 +31,11 @@ const ASIDE: f64 = 0.5;
 /// The displacement jumps between two rows if it changes by more than this many times the usual largest change: all but this share
 /// of the rows change by less. Spikes of up to six rows may be missing.
 const JUMP: (f64, f64) = (8.0, 0.02);
-/// A force that is read more slowly than the displacement jumps between values that it keeps over this many rows, by such a share of
-/// its range, in more than the last share of all its changes. A full jump is friction without elasticity.
+/// A held force keeps its value over this many rows and then jumps by such a share of its range, in more than the last share of its
+/// changes. A full jump is friction without elasticity.
 const HELD: (usize, Range<f64>, f64) = (3, 0.05..0.95, 0.5);
+/// The displacement moves if it changes by this share of its range and more than its noise.
+const MOVES: f64 = 0.005;
 
 /// Where a cycle begins or ends: its row, the displacement and the force there, and the energy until there.
 #[derive(Clone, Copy)]
@@ -166,24 +168,26 @@ impl Record {
         (0..steps.len()).filter(|row| steps[*row] > most).collect()
     }
 
-    /// Whether the force was read more slowly than the displacement.
+    /// Whether the force was read more slowly than the displacement: then it jumps between values that it keeps while the
+    /// displacement moves. A rounded force changes by single levels.
     pub fn is_held(&self) -> bool {
         let (rows, jump, most) = HELD;
-        let (mut held, mut all, mut at) = (0.0, 0.0, 0);
+        let moves = MOVES * self.ranges[0] + NOISE * self.scatter[0];
+        let mut at = 0;
         let runs = self.force.chunk_by(|one, next| one.total_cmp(next).is_eq()).map(|run| {
             let last = at + run.len() - 1;
-            let is_long = run.len() >= rows && (self.x[last] - self.x[at]).abs() > 0.0;
+            let is_long = run.len() >= rows && (self.x[last] - self.x[at]).abs() > moves;
             at = last + 1;
             (run[0], is_long)
         });
-        for pair in runs.collect::<Vec<_>>().windows(2) {
+        let runs: Vec<_> = runs.collect();
+        let changes = runs.windows(2).map(|pair| {
             let change = (pair[1].0 - pair[0].0).abs();
-            all += change;
-            if pair[0].1 && pair[1].1 && jump.contains(&(change / self.ranges[1])) {
-                held += change;
-            }
-        }
-        held > most * all
+            (change, pair[0].1 && pair[1].1 && jump.contains(&(change / self.ranges[1])))
+        });
+        let level = changes.clone().map(|it| it.0).fold(f64::INFINITY, f64::min);
+        let held = changes.clone().filter(|it| it.1 && it.0 > 1.5 * level).map(|it| it.0);
+        held.sum::<f64>() > most * changes.map(|it| it.0).sum::<f64>()
     }
 
     /// The numbers of a cycle: those of a table of loops.

@@ -19,7 +19,7 @@ const PREFIXES: &str = "nano n micro u milli m centi c kilo k mega M giga G";
 /// The word before a unit, as in `Load in N`. It is no inch.
 const IN: &str = "in ";
 /// Words for a factor in the name of a column.
-const MANY: &str = "thousand thousands million millions mio tsd kilozyklen kilocycles";
+const MANY: &str = "thousand thousands million millions mio tsd";
 /// Texts for many cycles. The first of each stands alone, too.
 const COUNTS: [(&str, f64); 2] =
     [("thousand k kilo 10^3 10³ 1e3 1000", 1e3), ("million m mega 10^6 10⁶ 1e6 1000000", 1e6)];
@@ -64,7 +64,7 @@ fn symbol(text: &str) -> String {
 
 /// How many cycles a unit such as `kcycles`, `cycles_k`, `10^3 cycles` or `thousands` is.
 fn counts(text: &str) -> Option<f64> {
-    let lower = text.to_lowercase().replace("cycles", "cycle");
+    let lower = text.to_lowercase().replace("cycles", "cycle").replace("zyklen", "cycle");
     let before = lower.strip_suffix("cycle").or_else(|| lower.strip_prefix("cycle_"));
     let word = before.unwrap_or(&lower).trim().trim_end_matches(" of").trim_end_matches('s');
     let is_word = |list: &str| {

@@ -20,10 +20,12 @@ const LOW: f64 = 0.25;
 /// The moving mean has one in this many points, within bounds.
 const WINDOW: usize = 100;
 const BOUNDS: (usize, usize) = (3, 25);
-/// Fewer points determine no surface.
-const FEWEST: usize = 8;
+/// Minimum number of points in a scar, and on each side of it. Fewer determine no surface.
+pub const BESIDE: usize = 8;
 /// Maximum number of repetitions.
 const TRIES: usize = 40;
+/// The search for it starts with so long sides, in widths of a known scar.
+const SIDES: [f64; 2] = [0.5, 1.0];
 /// Where the unworn surface is searched, a point is unworn within this many standard deviations.
 const NEAR: f64 = 3.0;
 
@@ -39,6 +41,11 @@ pub struct Part {
 /// The parameter that chooses a stretch.
 pub fn named([from, to]: [f64; 2]) -> String {
     format!("scar={:.4}..{:.4}mm", 1e3 * from, 1e3 * to)
+}
+
+/// Minimum number of unworn points at each end.
+pub fn fewest(count: usize) -> usize {
+    BESIDE.min(count / UNWORN)
 }
 
 /// The largest of some parts.
@@ -64,6 +71,12 @@ impl PreparedTrace {
     /// The unworn ones of some points.
     pub fn unworn(&self, range: Range<usize>) -> Points {
         range.filter(|at| self.is_unworn[*at]).map(|at| self.points[at]).collect()
+    }
+
+    /// The share of the points that are unworn.
+    pub fn unworn_share(&self) -> f64 {
+        self.is_unworn.iter().filter(|is_unworn| **is_unworn).count() as f64
+            / self.points.len() as f64
     }
 
     /// The unworn surface from those of the points on each side of a stretch that are nearer to it than half of them are.
@@ -135,25 +148,45 @@ impl PreparedTrace {
     }
 }
 
-/// Finds the unworn surface. It starts with both ends of the trace, or with both sides of the scar if its ends in x are
-/// known. The surface may have a flaw.
+/// Finds the unworn surface. The search starts with both ends of the trace. If the ends of the scar in x are known, it also starts
+/// with shorter and longer sides of the scar, as the trace may reach over the edge of a sample: the right surface has many unworn
+/// points with little scatter. The surface may have a flaw.
 pub fn find(
+    points: &Points,
+    is_half: bool,
+    window: Option<[f64; 2]>,
+    flaw: Option<Flaw>,
+) -> PreparedTrace {
+    let from = |side: Option<f64>| search(points.clone(), is_half, window, side, flaw);
+    let fit = |found: &PreparedTrace| found.unworn_share() / found.surface.scatter;
+    let sides = SIDES.into_iter().filter(|_| window.is_some()).map(Some);
+    let more = |best, other| if fit(&other) > fit(&best) { other } else { best };
+    sides.map(from).fold(from(None), more)
+}
+
+/// Finds the unworn surface from both ends of the trace, or from sides of a known scar that are so many times as long as it.
+fn search(
     points: Points,
     is_half: bool,
     window: Option<[f64; 2]>,
+    side: Option<f64>,
     flaw: Option<Flaw>,
 ) -> PreparedTrace {
     let count = points.len();
     let half = (count / WINDOW).clamp(BOUNDS.0, BOUNDS.1) / 2;
     let noise = noise(&points) / (2.0 * half as f64 + 1.0).sqrt();
-    let [first, last] = [points[0].0, points[count - 1].0];
-    let tenth = (last - first) / UNWORN as f64;
-    // If the ends of the scar are known, the search starts with the points up to half of its width beside it.
     let is_first = |at: usize| {
         let x = points[at].0;
-        let Some([from, to]) = window else { return (x - first).min(last - x) < tenth };
-        let half = 0.5 * (to - from);
-        (x < from || x > to) && x > from - half && x < to + half
+        if let Some(([from, to], side)) = window.zip(side) {
+            let reach = side * (to - from);
+            let [start, end] = [from, to].map(|end| points.partition_point(|it| it.0 < end));
+            let is_next = at + BESIDE >= start && at < end + BESIDE;
+            (at < start || at >= end) && (is_next || x > from - reach && x < to + reach)
+        } else {
+            let [first, last] = [points[0].0, points[count - 1].0];
+            let is_next = at.min(count - 1 - at) < fewest(count);
+            is_next || (x - first).min(last - x) * (UNWORN as f64) < last - first
+        }
     };
     let is_unworn: Vec<bool> = (0..count).map(is_first).collect();
     let surface = Surface::over(&points, is_half, flaw);
@@ -186,7 +219,7 @@ pub fn find(
         }
         let is_stable = found.is_unworn == is_unworn;
         found.is_unworn = is_unworn;
-        if is_grown && is_stable || found.unworn(0..count).len() < FEWEST {
+        if is_grown && is_stable || found.unworn(0..count).len() < BESIDE {
             break;
         }
         is_grown |= is_stable || attempt == TRIES / 2;

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::parts::{Part, PreparedTrace, UNWORN, find, largest, named};
+use super::parts::{BESIDE, Part, PreparedTrace, UNWORN, fewest, find, largest, named};
 use super::points::{Points, clipped, jumps, limits, noise};
 use super::surface::{Flaw, Surface};
 use super::wanted::{Prepare, Up, Wanted};
@@ -21,10 +21,9 @@ const THIN: usize = 500;
 const GAIN: f64 = 0.04;
 /// Without a scar, a surface is no circle if it scatters by this many times the noise and this share of its height.
 const ROUGH: (f64, f64) = (10.0, 0.01);
-/// A surface with an edge that scatters by this many times more is none.
-const ROUGHER: f64 = 1.25;
-/// Minimum number of points in a scar, and on each side of it.
-const BESIDE: usize = 8;
+/// A surface with an edge counts if it scatters by no more than this many times what the surface without it does, and so large a share
+/// of the points is unworn.
+const ALSO: (f64, f64) = (1.25, 0.75);
 /// Minimum and maximum number of neighbours at the ends of the scar that exceed this many times the scatter and this share
 /// of the largest depth.
 const RUN: (usize, usize) = (3, 8);
@@ -49,8 +48,8 @@ pub const CHOOSE: &str = "choose it with scar=FROM..TO, such as scar=0.4..1.6mm"
 pub struct Scar {
     /// The trace, and all its parts.
     pub trace: PreparedTrace,
-    /// Other unworn surfaces: from the nearer half of the points, which a long wave makes another one, and with an edge in the
-    /// scar, if the points show that a plane or circle is none.
+    /// Other unworn surfaces that the points allow: from the nearer half of them, which a long wave makes another one, and with an
+    /// edge in the middle of the scar, if there may be one.
     others: Vec<Surface>,
     /// The points between the ends of the scar. Empty if there is none.
     pub range: Range<usize>,
@@ -80,7 +79,7 @@ fn farther(wanted: &Wanted<'_>) -> &'static str {
 }
 
 /// The unworn surface on both sides of a stretch, and the parts in it.
-fn between(points: Points, is_half: bool, ends: [f64; 2]) -> Result<PreparedTrace, String> {
+fn between(points: &Points, is_half: bool, ends: [f64; 2]) -> Result<PreparedTrace, String> {
     let [from, to] = ends;
     let at = |end: f64| points.partition_point(|point| point.0 < end);
     let [before, first, after, last] = [2.0 * from - to, from, to, 2.0 * to - from].map(at);
@@ -129,8 +128,8 @@ pub fn scar(mut points: Points, wanted: &Wanted<'_>, notes: &mut Notes) -> Resul
     }
     let is_half = wanted.prepare == Prepare::Half;
     let trace = match wanted.scar {
-        Some(ends) => between(points, is_half, ends)?,
-        None => find(points, is_half, None, None),
+        Some(ends) => between(&points, is_half, ends)?,
+        None => find(&points, is_half, None, None),
     };
     // Only the curvature of a surface may decide without a word of the user: a hump on a hollow surface is a scar of a ball
     // whose heights count into it.
@@ -271,10 +270,12 @@ impl Scar {
         let least = (SCATTER * self.trace.surface.scatter).max(SHARE * self.deepest(&all));
         (self.range, self.removed) = (self.deeper(&all, least), own.to_vec());
         let [from, to] = self.trace.ends(&all);
-        let bent = self.again(wanted.scar, Flaw::Edge(0.5 * (from + to))).surface;
-        let is_other = bent.is_bent() && bent.scatter < ROUGHER * self.trace.surface.scatter;
+        let bent = self.again(wanted.scar, Flaw::Edge(0.5 * (from + to)));
+        let is_other = bent.surface.is_bent()
+            && bent.surface.scatter < ALSO.0 * self.trace.surface.scatter
+            && bent.unworn_share() > ALSO.1 * self.trace.unworn_share();
         let nearer = self.trace.nearer(&all);
-        self.others = is_other.then_some(bent).into_iter().chain([nearer]).collect();
+        self.others = is_other.then_some(bent.surface).into_iter().chain([nearer]).collect();
         if wanted.scar.is_none() {
             return self.check_sides(wanted);
         }
@@ -359,8 +360,9 @@ impl Scar {
     fn check_sides(&self, wanted: &Wanted<'_>) -> Result<(), String> {
         let ([from, to], [first, last]) =
             (self.trace.ends(&self.range), self.trace.ends(&self.trace.all()));
-        let step = self.step();
-        if (from - first).min(last - to) < (last - first) / UNWORN as f64 {
+        let (step, count) = (self.step(), self.trace.points.len());
+        let is_short = (from - first).min(last - to) < (last - first) / UNWORN as f64;
+        if is_short || self.range.start.min(count - self.range.end) < fewest(count) {
             let (own, farther) = (self.trace.named(&self.range), farther(wanted));
             let step = step.map_or_else(String::new, |step| format!(". Or it has {step}"));
             return Err(format!(
@@ -375,7 +377,7 @@ impl Scar {
         let PreparedTrace { points, surface, .. } = &self.trace;
         let thin = points.len().div_ceil(THIN);
         let points = points.iter().step_by(thin).copied().collect();
-        find(points, surface.is_half, window, Some(flaw))
+        find(&points, surface.is_half, window, Some(flaw))
     }
 
     /// A step of the unworn surface, and the scar that the surface then has. It is where most of the points are unworn.
@@ -386,8 +388,7 @@ impl Scar {
         let beside = places.map(|x| ([x - 1e-3 * width, x + 1e-3 * width], GAIN));
         let tried = beside.chain(self.ends().map(|own| (own, 0.0))).map(|(edge, gain)| {
             let trace = self.again(None, Flaw::Step(edge));
-            let more = trace.unworn(trace.all()).len() as f64 - gain * trace.points.len() as f64;
-            (more, edge, trace)
+            (trace.unworn_share() - gain, edge, trace)
         });
         let (_, [from, to], best) = tried.max_by(|one, other| one.0.total_cmp(&other.0))?;
         let scar = largest(best.parts.iter().filter(|part| part.area > 0.0))?;

@@ -21,7 +21,7 @@ const SURE: f64 = 4.0;
 /// A step counts if it is this many times the scatter and its standard deviation.
 const EDGE: f64 = 5.0;
 /// A change of the slope counts beyond this many standard deviations.
-const BENT: f64 = 2.0;
+const BENT: f64 = 2.5;
 /// The standard deviation of the shear that is expected without knowledge, in rad.
 const EXPECTED: f64 = 0.02;
 /// Maximum number of repetitions of a fit that is not linear, and the relative change at which it ends.
@@ -39,7 +39,7 @@ type Matrix = [[f64; COLUMNS + 1]; COLUMNS + 1];
 pub enum Flaw {
     /// The surface rises by a step between both positions.
     Step([f64; 2]),
-    /// The slope changes at a position, by twice the coefficient.
+    /// The slope changes at a position.
     Edge(f64),
 }
 
