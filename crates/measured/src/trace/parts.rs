@@ -158,7 +158,8 @@ pub fn find(
     flaw: Option<Flaw>,
 ) -> PreparedTrace {
     let from = |side: Option<f64>| search(points.clone(), is_half, window, side, flaw);
-    let fit = |found: &PreparedTrace| found.unworn_share() / found.surface.scatter;
+    let noise = noise(points);
+    let fit = |found: &PreparedTrace| found.unworn_share() / found.surface.scatter.max(noise);
     let sides = SIDES.into_iter().filter(|_| window.is_some()).map(Some);
     let more = |best, other| if fit(&other) > fit(&best) { other } else { best };
     sides.map(from).fold(from(None), more)
@@ -184,8 +185,10 @@ fn search(
             (at < start || at >= end) && (is_next || x > from - reach && x < to + reach)
         } else {
             let [first, last] = [points[0].0, points[count - 1].0];
+            let is_inside = window.is_some_and(|[from, to]| from <= x && x < to);
             let is_next = at.min(count - 1 - at) < fewest(count);
-            is_next || (x - first).min(last - x) * (UNWORN as f64) < last - first
+            let is_near = (x - first).min(last - x) * (UNWORN as f64) < last - first;
+            !is_inside && (is_next || is_near)
         }
     };
     let is_unworn: Vec<bool> = (0..count).map(is_first).collect();
