@@ -1,13 +1,13 @@
 //! Friction loops: force over displacement in many cycles, cut into cycles.
 //!
 //! The longest strokes give the period. Then the displacement, smoothed over a small part of that, gives the reversals: those
-//! that return within a part of the period are inside a stroke. The middles of the strokes give the drift, which is removed. A
+//! that return within a part of the period are inside a stroke. The middles of the strokes give the drift of displacement and force, which is removed. A
 //! cycle begins in the middle of a stroke, or at the displacement at which the record begins or ends: wherever the amplitude
 //! within a cycle changes least, and most cycles are whole. A line closes it.
 //!
 //! # Equations
 //! ```text
-//! W = ∮ F dx over cubic curves through the points, without the drift of x
+//! W = ∮ F dx over cubic curves through the points, without the drift of x and F
 //! ```
 //!
 //! # Accuracy
@@ -83,7 +83,7 @@ pub fn loops(rows: Vec<(f64, f64)>, notes: &mut Notes) -> Result<Value, String> 
     let (x, force) = without_spikes(enough(rows, LEAST, "rows with both numbers")?, notes);
     let count = x.len();
     let record = Record::of(x, force);
-    if record.is_held() {
+    if record.is_held {
         notes.push(HELD.to_owned());
     }
     let cycles = record.cycles();

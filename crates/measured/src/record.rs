@@ -53,6 +53,8 @@ pub type Cycle = (usize, Cut, Cut);
 pub struct Record {
     x: Vec<f64>,
     force: Vec<f64>,
+    /// Whether the force was read more slowly than the displacement.
+    pub is_held: bool,
     /// The noise of both.
     scatter: [f64; 2],
     /// The ranges of both.
@@ -64,8 +66,30 @@ pub struct Record {
     turns: Vec<usize>,
 }
 
+/// Whether the force was read more slowly than the displacement: then it jumps between values that it keeps while the
+/// displacement moves. A rounded force changes by single levels.
+fn is_held(x: &[f64], force: &[f64], ranges: [f64; 2], scatter: f64) -> bool {
+    let (rows, jump, most) = HELD;
+    let moves = MOVES * ranges[0] + NOISE * scatter;
+    let mut at = 0;
+    let runs = force.chunk_by(|one, next| one.total_cmp(next).is_eq()).map(|run| {
+        let last = at + run.len() - 1;
+        let is_long = run.len() >= rows && (x[last] - x[at]).abs() > moves;
+        at = last + 1;
+        (run[0], is_long)
+    });
+    let runs: Vec<_> = runs.collect();
+    let changes = runs.windows(2).map(|pair| {
+        let change = (pair[1].0 - pair[0].0).abs();
+        (change, pair[0].1 && pair[1].1 && jump.contains(&(change / ranges[1])))
+    });
+    let level = changes.clone().map(|it| it.0).fold(f64::INFINITY, f64::min);
+    let held = changes.clone().filter(|it| it.1 && it.0 > 1.5 * level).map(|it| it.0);
+    held.sum::<f64>() > most * changes.map(|it| it.0).sum::<f64>()
+}
+
 impl Record {
-    pub fn of(mut x: Vec<f64>, force: Vec<f64>) -> Self {
+    pub fn of(mut x: Vec<f64>, mut force: Vec<f64>) -> Self {
         let most = period(&x) / PART;
         let (scatter, ranges) = ([noise(&x), noise(&force)], [&x, &force].map(|own| spread(own)));
         // The mean of this many rows has little noise.
@@ -76,12 +100,15 @@ impl Record {
         let mut smooth = [mean(&x, 0), mean(&force, 1)];
         let turns = turns(&smooth[0], (NOISE * noise(&smooth[0])).min(SHARE * ranges[0]));
         let turns = merged(&smooth[0], &turns, STROKES * most * PART);
-        for (row, drift) in drift(&smooth[0], &turns).into_iter().enumerate() {
-            x[row] -= drift;
-            smooth[0][row] -= drift;
+        let is_held = is_held(&x, &force, ranges, scatter[0]);
+        for (at, own) in [&mut x, &mut force].into_iter().enumerate() {
+            for (row, drift) in drift(&smooth[at], &turns).into_iter().enumerate() {
+                own[row] -= drift;
+                smooth[at][row] -= drift;
+            }
         }
         let work = work(&x, &force);
-        Self { x, force, scatter, ranges, smooth, work, turns }
+        Self { x, force, is_held, scatter, ranges, smooth, work, turns }
     }
 
     /// Both ends of a stroke. The first and the last one begin or end with the record, so the next to them stands for them.
@@ -166,28 +193,6 @@ impl Record {
         let usual = ((1.0 - JUMP.1) * steps.len() as f64) as usize;
         let most = JUMP.0 * *sorted.select_nth_unstable_by(usual, f64::total_cmp).1;
         (0..steps.len()).filter(|row| steps[*row] > most).collect()
-    }
-
-    /// Whether the force was read more slowly than the displacement: then it jumps between values that it keeps while the
-    /// displacement moves. A rounded force changes by single levels.
-    pub fn is_held(&self) -> bool {
-        let (rows, jump, most) = HELD;
-        let moves = MOVES * self.ranges[0] + NOISE * self.scatter[0];
-        let mut at = 0;
-        let runs = self.force.chunk_by(|one, next| one.total_cmp(next).is_eq()).map(|run| {
-            let last = at + run.len() - 1;
-            let is_long = run.len() >= rows && (self.x[last] - self.x[at]).abs() > moves;
-            at = last + 1;
-            (run[0], is_long)
-        });
-        let runs: Vec<_> = runs.collect();
-        let changes = runs.windows(2).map(|pair| {
-            let change = (pair[1].0 - pair[0].0).abs();
-            (change, pair[0].1 && pair[1].1 && jump.contains(&(change / self.ranges[1])))
-        });
-        let level = changes.clone().map(|it| it.0).fold(f64::INFINITY, f64::min);
-        let held = changes.clone().filter(|it| it.1 && it.0 > 1.5 * level).map(|it| it.0);
-        held.sum::<f64>() > most * changes.map(|it| it.0).sum::<f64>()
     }
 
     /// The numbers of a cycle: those of a table of loops.

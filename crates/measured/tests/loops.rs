@@ -374,6 +374,9 @@ fn long_spikes_short_neighbours_drift_and_columns_without_a_loop_are_told() {
     // A force that is read once in 20 rows.
     let held = |row: usize| (ten[row].0, ten[row - row % 20].1);
     let held: Vec<_> = (0..ten.len()).map(held).collect();
+    // From a reversal to a reversal, with a force that drifts by 10 N in each cycle.
+    let creeps = ten[50..1651].iter().enumerate().map(|(row, (x, f))| (*x, f + 0.05 * row as f64));
+    let creeps: Vec<_> = creeps.collect();
     // A force with few levels, and rows that are written several times.
     let rounded: Vec<_> = ten.iter().map(|(x, f)| (*x, (f / 10.0).round() * 10.0)).collect();
     let twice = |row: usize| (ten[row / 4].0 + 1e-4 * row as f64, ten[row / 4].1);
@@ -389,6 +392,7 @@ fn long_spikes_short_neighbours_drift_and_columns_without_a_loop_are_told() {
         (&spikes, 1.5e-3, "9 row(s) with spikes were left out, the first is row 301"),
         (&gaps, 1.5e-3, "2 cycle(s) with fewer rows than their neighbours"),
         (&bursts, f64::NAN, "in which the displacement jumps"),
+        (&creeps, 1.5e-3, "The rows are 8 cycle(s)"),
         (&rounded, f64::NAN, "The rows are 9 cycle(s)"),
         (&twice, 1.5e-3, "The rows are 9 cycle(s)"),
         (&held, f64::NAN, "it was read more slowly than the displacement"),
