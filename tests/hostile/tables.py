@@ -78,10 +78,15 @@ async def result(body, key):
     return f"/v1/results/{found['key']}"
 
 
+def goes_on(end, got):
+    """Whether the attack goes on: for its time, and until the server has served somebody."""
+    return time.monotonic() < end or {"200", "422"}.isdisjoint(itertools.chain.from_iterable(got.values()))
+
+
 async def read(place, paths, end, got):
     """Reads one view after the other."""
     for number in itertools.count():
-        if time.monotonic() > end:
+        if not goes_on(end, got):
             return
         view = PATHS[(place + number) % len(PATHS)]
         path = paths[number % len(paths)] + "/" + view.format(digits=4 + place % 8)
@@ -89,10 +94,9 @@ async def read(place, paths, end, got):
         got[view].append(outcome(reply))
 
 
-async def write(place, end, got):
-    """Sends scenarios of 2 MB."""
-    body = scenario(place)
-    while time.monotonic() < end:
+async def write(place, body, end, got):
+    """Sends a scenario of 2 MB."""
+    while goes_on(end, got):
         key = (target.reader, target.leaver)[place % 2]
         reply = await ask(SOURCES[READERS + place], post("/v1/scenarios", key, body))
         got["scenario"].append(outcome(reply))
@@ -100,17 +104,17 @@ async def write(place, end, got):
 
 async def program():
     large = target.links[0].split("?")[0]
+    # To make them takes longer than the server waits for a request.
+    scenarios = [scenario(place) for place in range(WRITERS)]
     first = await result(study(0), target.keys[0])
     end, got = time.monotonic() + SECONDS, collections.defaultdict(list)
     paths = [large, first]
     reading = [read(place, paths, end, got) for place in range(READERS)]
-    writing = [write(place, end, got) for place in range(WRITERS)]
+    writing = [write(place, body, end, got) for place, body in enumerate(scenarios)]
     bodies = [study(1), run(1), study(2), run(2)]
     computing = [result(body, key) for body in bodies for key in target.keys[:2]]
     await asyncio.gather(*reading, *writing, *computing)
-    report = "; ".join(f"{name.split('?')[0] or 'result'} {told(outcomes)}" for name, outcomes in got.items())
-    assert not {"200", "422"}.isdisjoint(itertools.chain.from_iterable(got.values())), report
-    return report
+    return "; ".join(f"{name.split('?')[0] or 'result'} {told(outcomes)}" for name, outcomes in got.items())
 
 
 attack(program)

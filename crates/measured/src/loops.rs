@@ -1,9 +1,9 @@
 //! Friction loops: force over displacement in many cycles, cut into cycles.
 //!
 //! The longest strokes give the period. Then the displacement, smoothed over a small part of that, gives the reversals: those
-//! that return within a part of the period are inside a stroke. The middles of the strokes give the drift of displacement and force, which is removed. A
-//! cycle begins in the middle of a stroke, or at the displacement at which the record begins or ends: wherever the amplitude
-//! within a cycle changes least, and most cycles are whole. A line closes it.
+//! that return within a part of the period are inside a stroke. The middles of the strokes give the drift of displacement and
+//! force, which is removed. A cycle begins in the middle of a stroke, or at the displacement at which the record begins or ends:
+//! wherever the amplitude within a cycle changes least, and most cycles are whole. A line closes it.
 //!
 //! # Equations
 //! ```text
