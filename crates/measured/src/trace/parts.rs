@@ -165,7 +165,8 @@ pub fn find(
     sides.map(from).fold(from(None), more)
 }
 
-/// Finds the unworn surface from both ends of the trace, or from sides of a known scar that are so many times as long as it.
+/// Finds the unworn surface. The search starts at both ends of the trace, or beside a known scar: `side` is the length of each start,
+/// in widths of the scar.
 fn search(
     points: Points,
     is_half: bool,
