@@ -166,10 +166,7 @@ pub fn has_factor(name: &str) -> bool {
         let is_raised = word
             .strip_prefix(['E', 'e'])
             .is_some_and(|rest| rest.starts_with('+') && rest.parse::<u32>().is_ok());
-        let is_joined = word
-            .split_once('x')
-            .is_some_and(|(name, after)| !name.is_empty() && after.len() > 3 && is_power(after));
-        is_raised || is_joined || MANY.split(' ').any(|own| own == word.to_lowercase())
+        is_raised || MANY.split(' ').any(|own| own == word.to_lowercase())
     };
     words.windows(2).enumerate().any(is_product) || words.iter().any(|word| is_word(word))
 }
