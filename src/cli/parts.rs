@@ -239,7 +239,7 @@ impl Joined {
             return Err("another version of fretwork computed the parts; join them with it".into());
         }
         let mut rows = Rows::default();
-        self.chunks.values().for_each(|next| rows.append(next));
+        self.chunks.values().for_each(|next| rows.append(next.clone()));
         Ok((Answer::of_study(prepared.key, study, rows), started.elapsed()))
     }
 }

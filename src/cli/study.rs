@@ -17,7 +17,7 @@ pub fn compute(study: &Arc<Study>, progress: &mut Progress) -> Result<Rows, Erro
         let (study, earlier) = (Arc::clone(study), all.clone());
         let work = move |number| chunk(&study, number, count, earlier.clone());
         on_all_cores((first..end).collect(), (&mut *progress, first..count), work, |rows| {
-            all.append(&rows?);
+            all.append(rows?);
             Ok(())
         })?;
         first = end;

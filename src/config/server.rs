@@ -128,9 +128,9 @@ pub struct Serve {
     /// Memory for frequently read answers, such as 64MiB; 0 switches the memory cache off.
     #[arg(long, env = "FRETWORK_MEMORY_CACHE", default_value = "64MiB", value_name = "SIZE")]
     pub memory_cache: ByteSize,
-    /// Memory for large bodies until they are read or sent: a quarter for requests (half of it for parsing), half for
-    /// compressed answers, a quarter to decompress them for clients that accept no compression. One caller may use half of
-    /// each part.
+    /// Memory for large bodies until they are read or sent: a quarter for requests (half of it for parsing), a quarter for
+    /// answers up to 1 MiB, a quarter for larger ones, compressed, and a quarter to decompress these for clients that accept
+    /// no compression. One caller may use half of each part.
     #[arg(long, env = "FRETWORK_TRANSFER_MEMORY", default_value = "128MiB", value_name = "SIZE")]
     pub transfer_memory: ByteSize,
     /// Maximum number of connections. The last 64 are reserved for this machine.

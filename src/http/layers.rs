@@ -158,7 +158,7 @@ fn counted(
     if let Some(peer) = peer {
         answer.extensions_mut().insert(peer);
     }
-    match shares.answers.try_hold(&owner_of(answer.extensions()), size) {
+    match shares.answers(size).try_hold(&owner_of(answer.extensions()), size) {
         Ok(permit) => _ = answer.extensions_mut().insert(Arc::new(permit)),
         Err(problem) if method.is_safe() => return Err(problem),
         Err(_) => {}

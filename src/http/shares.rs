@@ -18,6 +18,8 @@ use super::problem::{Problem, Result, kinds};
 /// Largest body that needs no permit, in bytes. The limits of connections and of concurrent requests bound the memory
 /// of such bodies.
 pub const SMALL: usize = 32 << 10;
+/// Largest answer that does not count as large, in bytes.
+const LARGE: usize = 1 << 20;
 /// The unit in which memory is counted, in bytes.
 const UNIT: u64 = 1 << 10;
 /// Maximum time that a request waits in total for memory and for the work of other requests.
@@ -36,10 +38,12 @@ pub struct Shares {
     /// Memory for the parsed values (the trees) of these bodies. A request waits for it while it holds memory of
     /// `bodies`, and never waits for memory of `bodies` while it holds this. So two requests never wait for each other.
     pub trees: Budget,
-    /// Memory for answers.
-    pub answers: Budget,
-    /// Memory for decompressors, while they send answers. A request waits for memory of `answers` while it holds this,
-    /// and never the other way round.
+    /// Memory for answers of at most `LARGE` bytes. Readers of large answers cannot use it.
+    answers: Budget,
+    /// Memory for larger answers.
+    large_answers: Budget,
+    /// Memory for decompressors, while they send answers. A request waits for memory of answers while it holds this, and
+    /// never the other way round.
     pub streams: Budget,
     /// Turns for heavy work: searching results or jobs, or comparing results.
     pub heavy: PerCaller,
@@ -111,24 +115,31 @@ pub fn holding<T: Send + 'static>(bytes: Bytes, held: T) -> Bytes {
 }
 
 impl Shares {
-    /// Shares of this many bytes: an eighth for the bodies of requests, an eighth for their trees, a quarter for
-    /// decompressors, and the rest for answers. Each caller may compute as many evaluations at a time as there are `workers`.
+    /// Shares of this many bytes: an eighth for the bodies of requests, an eighth for their trees, and a quarter each for
+    /// answers, for large answers and for decompressors. Each caller may compute as many evaluations at a time as there are
+    /// `workers`.
     pub fn new(bytes: u64, workers: usize) -> Self {
         let held = Gauge::default();
         let of_requests =
             || Budget::new(bytes / 8, &held, "Send fewer large bodies at the same time.");
-        let of_answers = |bytes| Budget::new(bytes, &held, "Read their answers to the end.");
+        let of_answers = || Budget::new(bytes / 4, &held, "Read their answers to the end.");
         Self {
             bodies: of_requests(),
             trees: of_requests(),
-            answers: of_answers(bytes / 2),
-            streams: of_answers(bytes / 4),
+            answers: of_answers(),
+            large_answers: of_answers(),
+            streams: of_answers(),
             heavy: PerCaller::new(HEAVY),
             evaluations: PerCaller::new(workers),
             documents: PerCaller::new(1),
             document: Arc::new(Semaphore::new(1)),
             held,
         }
+    }
+
+    /// The memory for an answer of this many bytes.
+    pub fn answers(&self, bytes: usize) -> &Budget {
+        if bytes > LARGE { &self.large_answers } else { &self.answers }
     }
 
     /// Waits until a request of this caller may read a large document. One request at a time may.
@@ -337,13 +348,15 @@ mod tests {
     }
 
     #[tokio::test(start_paused = true)]
-    async fn readers_of_answers_leave_memory_for_requests() {
-        let shares = Shares::new(8 << 20, 2);
+    async fn readers_of_large_answers_leave_memory_for_other_answers_and_for_requests() {
+        let shares = Shares::new(16 << 20, 2);
+        let hold = async |caller, bytes| shares.answers(bytes).hold(caller, bytes).await;
         let mut readers = Vec::new();
         for caller in ["anna", "berta"] {
-            readers.push(shares.answers.hold(caller, 8 << 20).await.unwrap());
+            readers.push(hold(caller, 8 << 20).await.unwrap());
         }
-        assert!(shares.answers.hold("carla", 1 << 20).await.is_err());
+        assert!(hold("carla", LARGE + 1).await.is_err());
+        drop(hold("carla", LARGE).await.unwrap());
         drop(shares.bodies.hold("carla", 1 << 20).await.unwrap());
         assert_eq!(shares.held.get(), 4 << 20);
         drop(readers);

@@ -509,14 +509,14 @@ async fn a_new_run_with_a_result_that_is_too_large_is_refused() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_reader_of_a_large_result_reserves_its_bytes_and_those_of_the_stream() {
     let body = large("simplified");
-    // The share of a caller is a quarter: once less than the compressed result, and once more.
+    // The share of a caller is an eighth: once less than the compressed result, and once more.
     for transfers in [8, 96] {
         let settings = Settings { transfers: transfers << 20, memory: 0, ..Settings::default() };
         let server = Server::with(Arc::new(Task::start), &settings, &Options::default()).await;
         let job = server.compute(&body).await.json();
         let result = job["links"]["result"].as_str().unwrap();
         let packed = coded(&server, result, "zstd").await.body.len();
-        let share = (transfers as usize / 4) << 20;
+        let share = (transfers as usize / 8) << 20;
         assert_eq!(packed > share, transfers == 8, "{packed}");
         let socket = TcpSocket::new_v4().unwrap();
         socket.set_recv_buffer_size(1 << 12).unwrap();

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use fretwork::service::WorkLimits;
 use fretwork::service::workers::Workers;
-use fretwork_job::{Answer, Cost, FailureKind, Job, JobId, JobState};
+use fretwork_job::{Cost, FailureKind, Job, JobId, JobState};
 use fretwork_store::{Claimed, Finish, NewJob, Owners, Store};
 use tokio::time::sleep;
 
@@ -32,7 +32,7 @@ fn numbers(claims: &[Claimed]) -> Vec<u8> {
 }
 
 async fn finish_all(store: &Store, claims: &[Claimed]) -> Vec<Finish> {
-    let answer: Answer = answer("group");
+    let answer = answer("group");
     let all: Vec<_> = claims.iter().map(|claimed| (claimed, &answer, Cost::ZERO)).collect();
     store.finish_all(&all).await.unwrap()
 }

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use fretwork_job::{Answer, Cost, Job, JobState, Origin};
 use fretwork_store::{
-    Actor, Changed, Claimed, Deleted, Error, Filter, NewJob, Options, Reach, Repeatable, Seen,
-    Store, StoredResult, Submitted,
+    Actor, Answered, Changed, Claimed, Deleted, Error, Filter, NewJob, Options, Reach, Repeatable,
+    Seen, Store, StoredResult, Submitted,
 };
 use serde_json::json;
 use sqlx::{Connection as _, Executor as _};
@@ -14,7 +14,7 @@ use tempfile::TempDir;
 use tokio::time::{sleep, timeout};
 
 use crate::database::{Database, Engine, PATIENCE, open_with};
-use crate::store::{accepted, body, fresh, key, new_job, open, raw};
+use crate::store::{accepted, answer, body, fresh, key, new_job, open, raw};
 
 fn repeatable(number: u8, name: &str, sent: &str) -> NewJob {
     let fingerprint = sent.as_bytes().to_vec();
@@ -33,7 +33,7 @@ pub async fn compute(store: &Store, number: u8, bytes: usize) -> Job {
     let claimed = claim(store).await;
     let text = json!({"number": 0.1, "rest": noise(bytes)}).to_string();
     let answer = Answer { body: text.into(), summary: json!({}), outline: Box::default() };
-    store.finish(&claimed, &answer, Cost::default()).await.unwrap();
+    store.finish(&claimed, &Answered::new(&answer, None), Cost::default()).await.unwrap();
     job
 }
 
@@ -103,8 +103,7 @@ async fn a_repeated_idempotency_key_gives_the_same_job(on: Engine) {
     let other = NewJob { owner: "bob".into(), ..repeatable(1, "a", "two") };
     assert_ne!(accepted(store.submit(other).await).id, first.id);
     let claimed = claim(&store).await;
-    let answer = Answer { body: "{}".into(), summary: json!({}), outline: Box::default() };
-    store.finish(&claimed, &answer, Cost::default()).await.unwrap();
+    store.finish(&claimed, &answer("{}"), Cost::default()).await.unwrap();
     match store.submit(repeatable(1, "a", "one")).await.unwrap() {
         Submitted::Repeated(job) => {
             assert_eq!((job.id, job.state), (first.id, JobState::Succeeded));
@@ -181,8 +180,7 @@ async fn a_known_result_is_computed_again_on_request(on: Engine) {
     assert_eq!(accepted(store.submit(new_job(1)).await).origin, Origin::Cached);
     let claimed = claim(&store).await;
     let before = body(&store, 1).await;
-    let answer = Answer { body: "{}".into(), summary: json!({}), outline: Box::default() };
-    store.finish(&claimed, &answer, Cost::default()).await.unwrap();
+    store.finish(&claimed, &answer("{}"), Cost::default()).await.unwrap();
     assert_eq!(body(&store, 1).await, before, "the stored result stays");
     let job = store.job(again.id).await.unwrap().unwrap();
     assert_eq!(job.state, JobState::Succeeded);
@@ -216,8 +214,7 @@ async fn only_finished_jobs_can_be_deleted_and_their_results_stay(on: Engine) {
     ));
     let shared = accepted(store.submit(new_job(1)).await);
     let claimed = claim(&store).await;
-    let answer = Answer { body: "{}".into(), summary: json!({}), outline: Box::default() };
-    store.finish(&claimed, &answer, Cost::default()).await.unwrap();
+    store.finish(&claimed, &answer("{}"), Cost::default()).await.unwrap();
     for id in [job.id, shared.id] {
         assert_eq!(store.delete(id, Actor::default()).await.unwrap(), Deleted::Done);
         assert_eq!(store.delete(id, Actor::default()).await.unwrap(), Deleted::NotFound);
@@ -364,8 +361,7 @@ async fn a_database_of_the_first_version_is_migrated_with_its_contents() {
     let job = store.jobs(&Filter::default(), None, 1).await.unwrap().jobs.remove(0);
     assert_eq!((job.state, job.priority, job.changes[0].at), (JobState::Queued, 3, 5));
     let claimed = claim(&store).await;
-    let answer = Answer { body: "{}".into(), summary: json!({}), outline: Box::default() };
-    store.finish(&claimed, &answer, Cost::default()).await.unwrap();
+    store.finish(&claimed, &answer("{}"), Cost::default()).await.unwrap();
     let job = store.job(job.id).await.unwrap().unwrap();
     let states: Vec<_> = job.changes.iter().map(|change| change.state).collect();
     assert_eq!(states, [JobState::Queued, JobState::Running, JobState::Succeeded]);

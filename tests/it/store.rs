@@ -91,9 +91,14 @@ pub async fn raw(dir: &Path) -> SqliteConnection {
     SqliteConnection::connect_with(&options.create_if_missing(true)).await.unwrap()
 }
 
-pub fn answer(text: &str) -> Answer {
+pub fn answer(text: &str) -> Answered {
+    answer_for(text, None)
+}
+
+fn answer_for(text: &str, cost: Option<Cost>) -> Answered {
     let summary = json!({ "regime": text });
-    Answer { body: text.to_owned().into(), summary, outline: Box::default() }
+    let answer = Answer { body: text.to_owned().into(), summary, outline: Box::default() };
+    Answered::new(&answer, cost)
 }
 
 pub async fn job(store: &Store, id: JobId) -> Job {
@@ -1154,7 +1159,7 @@ async fn an_answer_that_is_recorded_during_a_run_is_stored_and_the_run_finds_it_
     let (_db, store) = Database::fresh(on).await;
     let cost = Cost { wall: Duration::from_mins(1), cpu: None };
     let record = async |job| {
-        let answered = Answered::new(&answer("a"), Some(cost));
+        let answered = answer_for("a", Some(cost));
         let recorded = store.record(vec![job], answered).await.unwrap();
         recorded.into_iter().next().unwrap()
     };
@@ -1179,7 +1184,7 @@ async fn an_answer_that_is_recorded_during_a_run_is_stored_and_the_run_finds_it_
 async fn equal_jobs_that_are_recorded_together_end_like_the_first(on: Engine) {
     let (_db, store) = Database::fresh(on).await;
     let record = async || {
-        let answered = Answered::new(&answer("a"), None);
+        let answered = answer("a");
         let jobs = (0..3).map(|_| new_job(1)).collect();
         store.record(jobs, answered).await.unwrap()
     };

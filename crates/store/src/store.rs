@@ -29,7 +29,7 @@ use crate::team::keys::{self, AccessKey, NewKey};
 use crate::team::sessions::{self, SignedIn};
 use crate::{postgres, sqlite};
 use fretwork_job::clock::now;
-use fretwork_job::{Answer, Cost, FailureKind, Job, JobId, Key, Naming, Outline};
+use fretwork_job::{Cost, FailureKind, Job, JobId, Key, Naming, Outline};
 
 /// The open database, as a handle that is cheap to clone.
 #[derive(Debug, Clone)]
@@ -154,7 +154,7 @@ impl Store {
     pub fn finish<'a>(
         &'a self,
         claimed: &'a Claimed,
-        answer: &'a Answer,
+        answer: &'a Answered,
         cost: Cost,
     ) -> Doing<'a, Finish> {
         let all = self.finish_all(&[(claimed, answer, cost)]);
@@ -166,10 +166,11 @@ impl Store {
     ///
     /// # Panics
     /// The worker has claimed a chunk, which has no result.
-    pub fn finish_all(&self, all: &[(&Claimed, &Answer, Cost)]) -> Doing<'_, Vec<Finish>> {
+    pub fn finish_all(&self, all: &[(&Claimed, &Answered, Cost)]) -> Doing<'_, Vec<Finish>> {
         let answered = all.iter().map(|(claimed, answer, cost)| {
             assert!(!matches!(claimed.piece, Piece::Chunk { .. }), "a chunk has no result");
-            ((*claimed).clone(), Answered::new(answer, Some(claimed.spent + *cost)))
+            let cost = Some(claimed.spent + *cost);
+            ((*claimed).clone(), Answered { cost, ..(*answer).clone() })
         });
         let answered: Vec<_> = answered.collect();
         match &self.engine {

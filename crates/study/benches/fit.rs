@@ -37,7 +37,7 @@ fn stage(study: &Arc<Study>, points: std::ops::Range<usize>, earlier: &Rows) -> 
     });
     rows.sort_by_key(|(number, _)| *number);
     let mut all = earlier.clone();
-    for (_, rows) in &rows {
+    for (_, rows) in rows {
         all.append(rows);
     }
     all

@@ -130,7 +130,7 @@ impl Claimed {
         let mut cells = names.zip(row.columns().zip(own.columns()));
         match cells.find(|(_, (theirs, own))| theirs != own) {
             Some((name, (theirs, own))) => {
-                Err(json::difference(&format!("{name}[{number}]"), theirs, own))
+                Err(json::difference(&format!("{name}[{number}]"), &theirs, &own))
             }
             None => Ok(()),
         }

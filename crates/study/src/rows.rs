@@ -2,7 +2,7 @@
 
 use std::iter;
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::problem::{Found, Lack};
 use fretwork_json as json;
@@ -14,7 +14,7 @@ pub const NUMBER: usize = 20;
 
 /// The rows of consecutive points, in columns: the values of the members in SI, the outputs, the reason why an output
 /// is missing, and the curves.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Rows {
     /// The number of rows.
     pub count: usize,
@@ -22,8 +22,9 @@ pub struct Rows {
     pub refused: u64,
     /// Number of points with a valid scenario that lack an output.
     pub incomplete: u64,
-    /// For each column, its cells as JSON, separated by commas.
-    columns: Vec<String>,
+    /// For each column, its cells as JSON, separated by commas, in a text for each chunk. Such a text is stored.
+    #[serde(serialize_with = "serialize", deserialize_with = "deserialize")]
+    columns: Vec<Vec<String>>,
 }
 
 impl Rows {
@@ -44,18 +45,21 @@ impl Rows {
         let curves = found.profiles.iter().map(|curve| json::write(curve, NUMBER * curve.len()));
         let reason = iter::once_with(|| written(reason));
         let cells = values.chain(outputs).chain(reason).chain(curves);
-        self.columns.resize_with(self.columns.len().max(cells.size_hint().0), String::new);
+        self.columns.resize_with(self.columns.len().max(cells.size_hint().0), Vec::new);
         self.count += 1;
         for (column, cell) in self.columns.iter_mut().zip(cells) {
-            extend(column, &cell);
+            match column.last_mut() {
+                Some(text) => text.extend([",", &cell]),
+                None => column.push(cell),
+            }
         }
     }
 
     /// Appends the rows of the next chunk of points.
-    pub fn append(&mut self, next: &Self) {
-        self.columns.resize_with(next.columns.len().max(self.columns.len()), String::new);
-        for (column, more) in self.columns.iter_mut().zip(&next.columns) {
-            extend(column, more);
+    pub fn append(&mut self, next: Self) {
+        self.columns.resize_with(next.columns.len().max(self.columns.len()), Vec::new);
+        for (column, more) in self.columns.iter_mut().zip(next.columns) {
+            column.extend(more);
         }
         self.count += next.count;
         self.refused += next.refused;
@@ -68,7 +72,9 @@ impl Rows {
     /// The rows cannot be written as JSON.
     #[expect(clippy::expect_used, reason = "rows must not be lost silently")]
     pub fn to_bytes(&self) -> Vec<u8> {
-        serde_json::to_vec(self).expect("rows are numbers and texts")
+        let mut bytes = Vec::with_capacity(self.bytes() + self.bytes() / 16 + 1024);
+        serde_json::to_writer(&mut bytes, self).expect("rows are numbers and texts");
+        bytes
     }
 
     /// Reads what [`Self::to_bytes`] has written; `None` if the bytes are not rows.
@@ -76,14 +82,14 @@ impl Rows {
         serde_json::from_slice(bytes).ok()
     }
 
-    /// The texts of all columns, as [`columns`](Self::columns) gives them.
-    pub fn into_columns(self) -> impl Iterator<Item = String> {
+    /// The texts of each column: cells as JSON, separated by commas. A comma separates one text from the next.
+    pub fn into_columns(self) -> impl Iterator<Item = Vec<String>> {
         self.columns.into_iter()
     }
 
-    /// The texts of all columns: cells as JSON, separated by commas.
-    pub fn columns(&self) -> impl Iterator<Item = &str> {
-        self.columns.iter().map(String::as_str)
+    /// The cells of each column as JSON, separated by commas.
+    pub fn columns(&self) -> impl Iterator<Item = String> {
+        self.columns.iter().map(|texts| texts.join(","))
     }
 
     /// The numbers of a column.
@@ -92,13 +98,14 @@ impl Rows {
     /// The column does not contain numbers.
     #[expect(clippy::expect_used, reason = "the rows were written by this program")]
     pub fn numbers(&self, column: usize) -> Vec<Option<f64>> {
-        let cells = self.columns.get(column).map_or("", String::as_str);
-        serde_json::from_str(&format!("[{cells}]")).expect("the cells are numbers or null")
+        let texts = self.columns.get(column).into_iter().flatten();
+        let numbers = texts.map(|cells| serde_json::from_str::<Vec<_>>(&format!("[{cells}]")));
+        numbers.flat_map(|cells| cells.expect("the cells are numbers or null")).collect()
     }
 
     /// The size of all texts, in bytes.
     pub fn bytes(&self) -> usize {
-        self.columns.iter().map(String::len).sum()
+        self.columns.iter().flatten().map(|text| text.len() + 1).sum()
     }
 }
 
@@ -119,11 +126,12 @@ fn written(reason: Option<&String>) -> String {
     }
 }
 
-fn extend(column: &mut String, more: &str) {
-    if !column.is_empty() && !more.is_empty() {
-        column.push(',');
-    }
-    column.push_str(more);
+fn serialize<S: Serializer>(columns: &[Vec<String>], to: S) -> Result<S::Ok, S::Error> {
+    to.collect_seq(columns.iter().map(|texts| texts.join(",")))
+}
+
+fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<Vec<String>>, D::Error> {
+    Ok(Vec::deserialize(from)?.into_iter().map(|text| vec![text]).collect())
 }
 
 #[cfg(test)]
@@ -150,13 +158,14 @@ mod tests {
                     },
                 );
             }
-            joined.append(&Rows::from_bytes(&one.to_bytes()).unwrap());
+            joined.append(Rows::from_bytes(&one.to_bytes()).unwrap());
         }
-        assert_eq!(all, joined);
+        assert_eq!(joined.to_bytes(), all.to_bytes());
+        assert_eq!(joined.numbers(1), [Some(1.5); 3]);
         assert_eq!((all.count, all.refused, all.incomplete), (3, 1, 1));
         let expected = ["0.0,1.0,2.0", "1.5,1.5,1.5", "null,null,null"];
         assert_eq!(all.columns().take(3).collect::<Vec<_>>(), expected);
-        assert_eq!(all.columns().last(), Some("[0.5,null],[0.5,null],[0.5,null]"));
+        assert_eq!(all.columns().last().unwrap(), "[0.5,null],[0.5,null],[0.5,null]");
         let reasons = format!("[{}]", all.columns().nth(3).unwrap());
         let reasons: [Option<String>; 3] = serde_json::from_str(&reasons).unwrap();
         let shortened = json::write(&reasons[1], MAX_REASON);

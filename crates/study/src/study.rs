@@ -29,6 +29,9 @@ const MAX_FINDINGS: f64 = 5.0;
 pub const RUN_MEMORY: usize = 1 << 20;
 /// Maximum number of points of a chunk.
 const MAX_CHUNK: usize = 4096;
+/// Maximum size of the rows of a chunk, in bytes. The allocator uses the freed memory of small chunks again at once. It keeps
+/// that of large ones for a second, in which a study would need two or three times its size.
+const CHUNK_BYTES: usize = 2 << 20;
 /// Minimum and maximum number of sampled points from which the time of all points is estimated.
 const SAMPLES: (usize, usize) = (4, 64);
 /// Intended time to prepare the sampled points, in seconds. It decides how many points are sampled.
@@ -215,8 +218,8 @@ impl Study {
         if self.plan.stages().len() > 1 {
             return if self.seconds > CHUNK { self.points() } else { 1 };
         }
-        let least = self.points().div_ceil(MAX_CHUNK);
-        ((self.seconds / CHUNK).ceil() as usize).clamp(least, self.points())
+        let least = self.points().div_ceil(MAX_CHUNK).max(self.bytes() / CHUNK_BYTES);
+        ((self.seconds / CHUNK).ceil() as usize).max(least).min(self.points())
     }
 
     /// The points of chunk number `number` of `chunks`, whose sizes differ by at most one point.
@@ -299,17 +302,17 @@ impl Study {
         text.push_str("\":");
         let columns = self.columns();
         let count = rows.count;
-        // Each column is dropped after it was copied. So a table of many columns is in memory little more than once.
         let mut cells = rows.into_columns();
         let names = columns.iter().map(|column| column.name.as_str());
-        add_columns(&mut text, names.zip(cells.by_ref()).chain(findings.beside));
+        let beside = findings.beside.into_iter().map(|(name, cells)| (name, vec![cells]));
+        add_columns(&mut text, names.zip(cells.by_ref()).chain(beside));
         if let Some(profiles) = &self.problem.profiles {
             text.push_str(",\"profiles\":");
             let points: Vec<_> = (0..count).map(|point| point.to_string()).collect();
             let radii = json::write(&profiles.radii, NUMBER * profiles.radii.len());
             let radii = radii[1..radii.len() - 1].to_owned();
             let names = profiles.fields.iter().map(|field| field.as_str());
-            let axes = [("point", points.join(",")), ("radius", radii)];
+            let axes = [("point", points), ("radius", vec![radii])];
             add_columns(&mut text, axes.into_iter().chain(names.zip(cells)));
         }
         text.push(end);
@@ -318,21 +321,23 @@ impl Study {
 
     /// The table of the rows that some of `of` chunks have computed, as JSON, and the counts of these rows. The column
     /// `point` has the number of each point.
-    pub fn table_so_far(&self, chunks: &[(usize, Rows)], of: usize) -> (String, Value) {
+    pub fn table_so_far(&self, chunks: Vec<(usize, Rows)>, of: usize) -> (String, Value) {
         let mut all = Rows::default();
         let mut points = Vec::new();
         for (number, rows) in chunks {
+            points.extend(self.points_of(number, of).take(rows.count));
             all.append(rows);
-            points.extend(self.points_of(*number, of).take(rows.count));
         }
         let mut counts = self.counts(&all);
         counts["computed"] = json!(all.count);
         let points: Vec<_> = points.iter().map(usize::to_string).collect();
-        let (points, columns) = (points.join(","), self.columns());
+        let columns = self.columns();
         let names = columns.iter().map(|column| column.name.as_str());
-        let cells = names.zip(all.columns());
-        let mut text = String::with_capacity(all.bytes() + points.len() + HEAD);
-        add_columns(&mut text, [("point", points.as_str())].into_iter().chain(cells));
+        let mut text = String::with_capacity(all.bytes() + NUMBER * points.len() + HEAD);
+        add_columns(
+            &mut text,
+            [("point", points)].into_iter().chain(names.zip(all.into_columns())),
+        );
         (text, counts)
     }
 
@@ -342,14 +347,16 @@ impl Study {
     }
 }
 
-/// Writes columns as a JSON object with a list for each column. Each column is a name and the cells as JSON, separated
-/// by commas.
-fn add_columns<'a>(text: &mut String, columns: impl Iterator<Item = (&'a str, impl AsRef<str>)>) {
-    for (place, (name, cells)) in columns.enumerate() {
+/// Writes columns as a JSON object with a list for each column. Each column is a name and the texts of [`Rows`]. Each text is
+/// dropped after it was copied, so that a large table is in memory little more than once.
+fn add_columns<'a>(text: &mut String, columns: impl Iterator<Item = (&'a str, Vec<String>)>) {
+    for (place, (name, texts)) in columns.enumerate() {
         text.push(if place == 0 { '{' } else { ',' });
         text.push_str(&json!(name).to_string());
         text.push_str(":[");
-        text.push_str(cells.as_ref());
+        for (place, cells) in texts.into_iter().enumerate() {
+            text.extend([if place == 0 { "" } else { "," }, &cells]);
+        }
         text.push(']');
     }
     text.push('}');

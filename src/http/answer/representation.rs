@@ -156,7 +156,8 @@ impl Representation {
         loop {
             // An answer takes less memory than its result.
             let kept = app.memory.get(name).map(|answer| answer.body.len());
-            let permit = shares.answers.hold_until(end, caller, kept.unwrap_or(size)).await?;
+            let most = kept.unwrap_or(size);
+            let permit = shares.answers(most).hold_until(end, caller, most).await?;
             let turn = if is_stored || kept.is_some() {
                 None
             } else {

@@ -78,7 +78,8 @@ pub async fn evaluate(app: App, caller: Caller, _: NoQuery, body: Body) -> Resul
     let bytes = evaluation.answer_bytes() + canonical;
     // An evaluation that waits for its turn holds no memory.
     let turn = app.shares.evaluations.turn(&caller.owner).await;
-    let permit = app.shares.answers.hold(&caller.owner, bytes.min(LARGEST_EVALUATION)).await?;
+    let most = bytes.min(LARGEST_EVALUATION);
+    let permit = app.shares.answers(most).hold(&caller.owner, most).await?;
     let evaluated = app.service.evaluate(evaluation).await?;
     drop(turn);
     let check = match asked {

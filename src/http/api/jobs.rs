@@ -197,7 +197,7 @@ pub async fn so_far(app: App, caller: Caller, id: Segment, _: NoQuery) -> Result
         return study_so_far(&app, &caller, job.id).await;
     };
     let bytes = 4096 + NUMBER * History::MEMBERS.len() * history.cycles.len();
-    let permit = app.shares.answers.hold(&caller.owner, bytes).await?;
+    let permit = app.shares.answers(bytes).hold(&caller.owner, bytes).await?;
     fresh(permit, bytes, SoFar::Run(RunSoFar { units: ResultUnits, history })).await
 }
 
@@ -216,14 +216,14 @@ async fn study_so_far(app: &App, caller: &Caller, id: JobId) -> Result<Response>
     let share = f64::from(stored.done) / f64::from(stored.chunks);
     let bytes = 4096 + (study.bytes() as f64 * share) as usize;
     // The chunks and the table are in memory at the same time.
-    let permit = app.shares.answers.hold(&caller.owner, 2 * bytes).await?;
+    let permit = app.shares.answers(2 * bytes).hold(&caller.owner, 2 * bytes).await?;
     let chunks = app.store.chunks_so_far(id, &stored).await?;
     let made = blocking(move || {
         let rows =
             |(number, bytes): (u32, Bytes)| Some((number as usize, Rows::from_bytes(&bytes)?));
         // A chunk of another version has another form.
         let chunks: Vec<_> = chunks.into_iter().filter_map(rows).collect();
-        let (table, counts) = study.table_so_far(&chunks, stored.chunks as usize);
+        let (table, counts) = study.table_so_far(chunks, stored.chunks as usize);
         let table = RawValue::from_string(table).map_err(Problem::bug)?;
         Ok::<_, Problem>(SoFar::Study(StudySoFar { units: study.units(), counts, table }))
     });

@@ -86,7 +86,7 @@ pub async fn read(
     query.finish()?;
     let bytes = ANSWER * body.bytes.len();
     let turn = app.shares.heavy.turn(&caller.owner).await;
-    let permit = app.shares.answers.hold(&caller.owner, bytes).await?;
+    let permit = app.shares.answers(bytes).hold(&caller.owner, bytes).await?;
     let prepare = prepare.unwrap_or(Prepare::Points);
     let read = blocking(move || {
         let (x, y) = (x.as_deref(), y.as_deref());

@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use fretwork_job::{Answer, Cost, Step};
-use fretwork_store::Claimed;
+use fretwork_job::{Cost, Step};
+use fretwork_store::{Answered, Claimed};
 
 /// Estimated memory of a piece that was not begun.
 const CLAIM_MEMORY: usize = 1 << 10;
@@ -30,8 +30,8 @@ impl Assignment {
 
 /// The data that a worker has computed.
 pub(super) enum Made {
-    /// The result.
-    Answer(Answer),
+    /// The result. It is compressed at once, because it may wait for the store.
+    Answer(Answered),
     /// The rows of a chunk.
     Rows(Vec<u8>),
 }

@@ -8,7 +8,7 @@ use super::parking::SLICE;
 use super::{MAX_REFUSALS, NotMade, PAUSE, Worker, WorkerOrder};
 use crate::service::stopwatch::Stopwatch;
 use fretwork_job::{Answer, Cost, FailureKind, Prepared, Step, Task, TaskKind, asked_in};
-use fretwork_store::{Claimed, Error, Piece, Result, RunId};
+use fretwork_store::{Answered, Claimed, Error, Piece, Result, RunId};
 use fretwork_study::{Points, Rows, Study};
 
 /// Maximum number of prepared studies that all threads together keep in memory. The owners of studies take turns. So
@@ -25,7 +25,7 @@ impl Worker {
                 let Some(_turn) = self.parking.assembling.try_lock() else {
                     return self.pause(claimed).map(|()| None);
                 };
-                let answer = self.assemble(claimed, *of)?;
+                let answer = Answered::new(&self.assemble(claimed, *of)?, None);
                 return Ok(Some((Made::Answer(answer), watch.cost())));
             }
             (Some(begun), _) => begun,
@@ -74,7 +74,7 @@ impl Worker {
         };
         let bytes = work.bytes();
         let step = Box::new(move || match work.step() {
-            Step::Done(answer) => Step::Done(Made::Answer(answer)),
+            Step::Done(answer) => Step::Done(Made::Answer(Answered::new(&answer, None))),
             Step::Working { progress } => Step::Working { progress },
         });
         Ok(Begun { step, bytes, limit, cost: Cost::ZERO })
@@ -95,7 +95,7 @@ impl Worker {
         }
         let mut earlier = Rows::default();
         for number in 0..study.earlier_chunks(number as usize, of as usize) as u32 {
-            earlier.append(&self.stored_rows(claimed, number)?);
+            earlier.append(self.stored_rows(claimed, number)?);
         }
         let mut points = Points::chunk(study, number as usize, of as usize, earlier);
         let step = Box::new(move || match points.step() {
@@ -119,7 +119,7 @@ impl Worker {
         for number in 0..of {
             self.hand_over();
             self.check(claimed)?;
-            rows.append(&self.stored_rows(claimed, number)?);
+            rows.append(self.stored_rows(claimed, number)?);
         }
         if rows.count != study.points() {
             let message = format!(

@@ -34,7 +34,7 @@ pub enum Removed {
 }
 
 /// A result to be stored, already compressed and hashed. The writer task has no time for that.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Answered {
     pub(crate) body: Body,
     /// Number of bytes of the JSON.

@@ -38,7 +38,7 @@ mod tests {
         let mut all = Rows::default();
         for number in 0..chunks {
             let mut points = Points::chunk(Arc::clone(study), number, chunks, all.clone());
-            all.append(&iter::repeat_with(|| points.step()).find_map(|rows| rows).unwrap());
+            all.append(iter::repeat_with(|| points.step()).find_map(|rows| rows).unwrap());
         }
         all
     }
