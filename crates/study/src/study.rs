@@ -29,8 +29,8 @@ const MAX_FINDINGS: f64 = 5.0;
 pub const RUN_MEMORY: usize = 1 << 20;
 /// Maximum number of points of a chunk.
 const MAX_CHUNK: usize = 4096;
-/// Maximum size of the rows of a chunk, in bytes. The allocator uses the freed memory of small chunks again at once. It keeps
-/// that of large ones for a second, in which a study would need two or three times its size.
+/// Intended maximum size of the rows of a chunk, in bytes. The allocator uses the freed memory of small chunks again at once, and
+/// keeps that of large ones for a while.
 const CHUNK_BYTES: usize = 2 << 20;
 /// Minimum and maximum number of sampled points from which the time of all points is estimated.
 const SAMPLES: (usize, usize) = (4, 64);
