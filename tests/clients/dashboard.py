@@ -277,7 +277,7 @@ def edit_typed_values(page):
     page.goto(BASE + "/#/queue")
     page.goto(f"{BASE}/#/new?scenario={json.dumps(scenario)}&label=Typed force")
     page.click("button.primary")
-    page.wait_for_selector("#headline dd")
+    page.wait_for_url("**/#/result/*")
     get("/v1/jobs", {"scenario": canonical, "label": "Typed depth"})
     page.goto(BASE + "/#/queue")
     page.get_by_role("link", name="Typed force").first.click()

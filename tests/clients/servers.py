@@ -32,6 +32,7 @@ def first_plot(browser, data):
         page = browser.page(own.base, before="addEventListener('click', () => window.clicks = (window.clicks ?? 0) + 1, true)")
         page.goto(own.page)
         page.click("button.primary")
+        page.wait_for_url("**/#/result/*")
         page.wait_for_selector("#headline dd")
         page.wait_for_selector("section[aria-label='Profiles'] .curve", state="attached")
         assert max(map(len, curves(page, "Profiles"))) > 500 and page.evaluate("window.clicks") == 1
@@ -246,6 +247,7 @@ def lose_the_server(browser, data):
         expect(page.locator("#canonical")).to_be_visible()
         expect(item(page, "cached")).to_have_text("No")
         page.click("button.primary")
+        page.wait_for_url("**/#/result/*")
         page.wait_for_selector("#headline dd")
 
 
