@@ -13,7 +13,7 @@
 //! # Accuracy
 //! Ellipses with 20 points in a cycle have 0.02 % less energy than the curve. Loops with sharp corners have errors of up to 2 %
 //! with 20 points, and 1 % with 30. `energy_error` is half of what the curves add to the energy along straight lines, with the
-//! noise.
+//! noise and with the steps of a coarse sensor.
 
 use serde_json::{Map, Value, json};
 
@@ -152,8 +152,8 @@ fn tell(cycles: &[[f64; 8]], [before, after]: [usize; 2], notes: &mut Notes) {
         let most =
             if most < 1.0 { format!("by {:.2} %", 100.0 * most) } else { "all of it".into() };
         notes.push(format!(
-            "{few} of {count} cycle(s) have fewer than {FEWEST} points. Few points or noise make the energy uncertain by more \
-             than 1 % in {large} cycle(s): {most} in cycle {}. `energy_error` has the error of each.",
+            "{few} of {count} cycle(s) have fewer than {FEWEST} points. Few points, noise, or coarse steps of the displacement \
+             make the energy uncertain by more than 1 % in {large} cycle(s): {most} in cycle {}. `energy_error` has the error of each.",
             worst + 1
         ));
     }

@@ -34,6 +34,9 @@ const JUMP: (f64, f64) = (8.0, 0.02);
 /// A held force keeps its value over this many rows and then jumps by such a share of its range, in more than the last share of its
 /// changes. A full jump is friction without elasticity.
 const HELD: (usize, Range<f64>, f64) = (3, 0.05..0.95, 0.5);
+/// A displacement that keeps its value over this share of its rows has the steps of its sensor. The energy is uncertain by that of
+/// such a part of a step at the range of the force: the largest error of 1 500 stick-slip loops.
+const STEPS: (f64, f64) = (0.3, 0.3);
 /// The displacement moves if it changes by this share of its range and more than its noise.
 const MOVES: f64 = 0.005;
 
@@ -55,6 +58,8 @@ pub struct Record {
     force: Vec<f64>,
     /// Whether the force was read more slowly than the displacement.
     pub is_held: bool,
+    /// The steps of the sensor of the displacement, if they are coarse.
+    step: f64,
     /// The noise of both.
     scatter: [f64; 2],
     /// The ranges of both.
@@ -88,6 +93,14 @@ fn is_held(x: &[f64], force: &[f64], ranges: [f64; 2], scatter: f64) -> bool {
     held.sum::<f64>() > most * changes.map(|it| it.0).sum::<f64>()
 }
 
+/// The steps of a displacement that keeps its value over many rows, or 0.
+fn sensor_step(x: &[f64]) -> f64 {
+    let steps = || x.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    let moves = steps().filter(|step| *step > 0.0);
+    let still = x.len() - moves.clone().count();
+    if still as f64 > STEPS.0 * x.len() as f64 { moves.fold(f64::INFINITY, f64::min) } else { 0.0 }
+}
+
 impl Record {
     pub fn of(mut x: Vec<f64>, mut force: Vec<f64>) -> Self {
         let most = period(&x) / PART;
@@ -101,6 +114,7 @@ impl Record {
         let turns = turns(&smooth[0], (NOISE * noise(&smooth[0])).min(SHARE * ranges[0]));
         let turns = merged(&smooth[0], &turns, STROKES * most * PART);
         let is_held = is_held(&x, &force, ranges, scatter[0]);
+        let step = sensor_step(&x);
         for (at, own) in [&mut x, &mut force].into_iter().enumerate() {
             for (row, drift) in drift(&smooth[at], &turns).into_iter().enumerate() {
                 own[row] -= drift;
@@ -108,7 +122,7 @@ impl Record {
             }
         }
         let work = work(&x, &force);
-        Self { x, force, is_held, scatter, ranges, smooth, work, turns }
+        Self { x, force, is_held, step, scatter, ranges, smooth, work, turns }
     }
 
     /// Both ends of a stroke. The first and the last one begin or end with the record, so the next to them stands for them.
@@ -204,9 +218,11 @@ impl Record {
         let energy = end.work - begin.work + line;
         let [of_x, of_force] = scatter.map(|scatter| scatter * scatter);
         let noise = (of_x * changes(force) + of_force * changes(x)).sqrt();
-        let error = 0.5 * self.coarseness(begin.row as usize, end.row as usize) + 2.5 * noise;
         let [[left, right], [low, high]] =
             [0, 1].map(|at| ends(smooth[at][rows.clone()].iter().copied()));
+        let error = 0.5 * self.coarseness(begin.row as usize, end.row as usize)
+            + 2.5 * noise
+            + STEPS.1 * self.step * (high - low);
         let flanks = [1, 2].map(|next| self.flank(stroke + next, high - low));
         let [slope, slope_error] =
             slope(std::array::from_fn(|at| flanks[0][at] + flanks[1][at]), *scatter);

@@ -168,7 +168,15 @@ pub fn has_factor(name: &str) -> bool {
             .is_some_and(|rest| rest.starts_with('+') && rest.parse::<u32>().is_ok());
         is_raised || MANY.split(' ').any(|own| own == word.to_lowercase())
     };
-    words.windows(2).enumerate().any(is_product) || words.iter().any(|word| is_word(word))
+    // As in `Vx1000`. `dx1000` is the name of a position.
+    let is_joined = |word: &str| {
+        let parts = word.split_once('x').filter(|it| it.0.len() == 1 && it.1.len() > 3);
+        parts.is_some_and(|(before, after)| {
+            before.bytes().all(|it| it.is_ascii_uppercase()) && is_power(after)
+        })
+    };
+    words.windows(2).enumerate().any(is_product)
+        || words.iter().any(|word| is_word(word) || is_joined(word))
 }
 
 /// Splits a header such as `Depth [µm]`, `Force/N`, `dx_um` or `wear_volume mm^3` into name and unit. A factor belongs to the

@@ -379,6 +379,8 @@ fn long_spikes_short_neighbours_drift_and_columns_without_a_loop_are_told() {
     let creeps: Vec<_> = creeps.collect();
     // A force with few levels, and rows that are written several times.
     let rounded: Vec<_> = ten.iter().map(|(x, f)| (*x, (f / 10.0).round() * 10.0)).collect();
+    // A sensor of displacements with few levels.
+    let steps: Vec<_> = ten.iter().map(|(x, f)| ((x / 2.0).round() * 2.0, *f)).collect();
     let twice = |row: usize| (ten[row / 4].0 + 1e-4 * row as f64, ten[row / 4].1);
     let twice: Vec<_> = (0..4 * ten.len()).map(twice).collect();
     let said = |rows: &[(f64, f64)]| {
@@ -394,6 +396,7 @@ fn long_spikes_short_neighbours_drift_and_columns_without_a_loop_are_told() {
         (&bursts, f64::NAN, "in which the displacement jumps"),
         (&creeps, 1.5e-3, "The rows are 8 cycle(s)"),
         (&rounded, f64::NAN, "The rows are 9 cycle(s)"),
+        (&steps, f64::NAN, "coarse steps of the displacement make the energy uncertain"),
         (&twice, 1.5e-3, "The rows are 9 cycle(s)"),
         (&held, f64::NAN, "it was read more slowly than the displacement"),
         (&drifts, 1.5e-3, "The rows are 3 cycle(s)"),
