@@ -72,7 +72,7 @@ pub struct MeasuredLoops {
     points: Vec<Option<f64>>,
     /// The energy, in J.
     energy: Vec<Option<f64>>,
-    /// The error of the energy from few points and noise, in J.
+    /// The error of the energy from few points, coarse steps and noise, in J.
     energy_error: Vec<Option<f64>>,
     /// Half of the range of the displacement, in m.
     displacement_amplitude: Vec<Option<f64>>,
