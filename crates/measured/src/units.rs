@@ -159,6 +159,7 @@ pub fn has_factor(name: &str) -> bool {
         ["×", after] => is_power(after),
         ["x", after] => at > 0 && is_power(after),
         ["in", after] => after.len() > 3 && is_power(after),
+        [before, "V"] => before.len() > 3 && is_power(before),
         [before, after] => *after == "×" && is_power(before),
         _ => false,
     };

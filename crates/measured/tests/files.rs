@@ -160,6 +160,7 @@ fn a_factor_makes_a_unit_unknown() {
         "V·10³ [mm³]",
         "V x 1000 [mm^3]",
         "Vx1000 [mm^3]",
+        "1000 V [mm^3]",
         "10³·V/mm³",
         "1000*V [mm^3]",
         "V E+3 [mm3]",
