@@ -71,15 +71,15 @@ async fn a_hostile_export_is_refused_in_little_memory() {
     export_all(&from, &file).await;
     let sound = Lines::open(&file);
     let body = sound.results[0].1.clone();
-    let zeros = format!("{{\"x\":[{}0],", "0,".repeat(20_000_000));
+    let zeros = format!("{{\"x\":[{}0],", "0,".repeat(40_000_000));
     for hostile in [
         body.replacen("\"history\":{", &format!("\"history\":{zeros}"), 1),
         body.replacen("\"profiles\":{", &format!("\"profiles\":{zeros}"), 1),
         // A closed list of lists, and an open one.
-        format!("{}{}", "[".repeat(20_000_000), "]".repeat(20_000_000)),
-        "[".repeat(40_000_000),
+        format!("{}{}", "[".repeat(40_000_000), "]".repeat(40_000_000)),
+        "[".repeat(80_000_000),
     ] {
-        assert!(hostile.len() >= 40_000_000);
+        assert!(hostile.len() >= 80_000_000);
         let mut lines = Lines::open(&file);
         lines.replace_body(&key, &hostile);
         let held = dir.path().join("hostile.zst");
