@@ -77,7 +77,7 @@ pub fn main() -> ExitCode {
                 .and_then(|()| clap_mangen::generate_to(config::command(), &directory));
             made.map_err(|error| format!("cannot write {}: {error}", directory.display()).into())
         }
-        Some(Command::Openapi) => print(&http::document()),
+        Some(Command::Openapi) => print(http::DOCUMENT),
         Some(Command::Verify { exact_volumes: true, .. }) => {
             print(model_error::exact_volumes().as_bytes())
         }

@@ -2,10 +2,9 @@
 
 use std::convert::Infallible;
 use std::ops::Deref;
-use std::sync::{Arc, LazyLock};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use axum::body::Bytes;
 use axum::extract::FromRequestParts;
 use axum::http::request::Parts;
 use tokio::sync::Mutex;
@@ -50,8 +49,6 @@ pub struct Shared {
     pub metrics: Metrics,
     /// The models of UM-Bridge, by their configs.
     pub models: Models,
-    /// The OpenAPI document. It is made when it is first requested.
-    pub document: LazyLock<Bytes>,
     pub unencrypted: Unencrypted,
     /// When the server last probed the database, and the outcome.
     probed: Mutex<Option<(Instant, Result<(), Error>)>>,
@@ -68,12 +65,11 @@ impl App {
         gate: Gate,
         admission: &Admission,
         (memory, transfers): (u64, u64),
-        document: fn() -> Bytes,
     ) -> Self {
         let (store, memory) = (service.store().clone(), Memory::new(memory));
         let shares = Arc::new(Shares::new(transfers, service.places()));
         let metrics = Metrics::new(store.tally(), service.workers(), admission, &shares);
-        let (models, document) = (models::empty(), LazyLock::new(document));
+        let models = models::empty();
         Self(Arc::new(Shared {
             service,
             store,
@@ -82,7 +78,6 @@ impl App {
             shares,
             metrics,
             models,
-            document,
             unencrypted: Unencrypted::default(),
             probed: Mutex::default(),
         }))

@@ -279,7 +279,7 @@ fn cors(origins: &Origins) -> Option<CorsLayer> {
 mod tests {
     use std::num::NonZeroU32;
 
-    use axum::body::{Body, Bytes};
+    use axum::body::Body;
     use axum::routing::{MethodRouter, get};
     use http_body_util::BodyExt as _;
     use tempfile::TempDir;
@@ -303,7 +303,7 @@ mod tests {
         let gate = Gate::new(&store, access, RouteNeeds::default());
         let service = Service::new(store, Arc::new(Task::start), 1, WorkLimits::default());
         let admission = Admission::new(Connections::default());
-        let app = App::new(service, gate, &admission, (1 << 20, 1 << 20), Bytes::new);
+        let app = App::new(service, gate, &admission, (1 << 20, 1 << 20));
         (with_layers(Router::new().route("/", route), app, Origins::Any), dir)
     }
 

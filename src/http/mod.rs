@@ -12,6 +12,7 @@ mod dashboard;
 mod layers;
 mod memory;
 mod metrics;
+#[cfg(test)]
 mod openapi;
 mod problem;
 mod routes;
@@ -22,11 +23,11 @@ mod wire;
 use std::future;
 use std::sync::Arc;
 
+use axum::Router;
 use axum::extract::Request;
 use futures_util::FutureExt as _;
 use futures_util::future::{OptionFuture, join};
 use tokio::net::TcpListener;
-use utoipa_axum::router::OpenApiRouter;
 
 pub use access::Access;
 pub use access::caller::{ME, is_owner_name};
@@ -81,6 +82,9 @@ impl Default for Settings {
     }
 }
 
+/// The OpenAPI document, as JSON text. A test compares it with the routes.
+pub const DOCUMENT: &[u8] = include_bytes!("../../openapi/openapi.json");
+
 /// The hint in a 404 answer of the main socket.
 const API: &str = "/docs/api/ lists all routes.";
 /// The hint in a 404 answer of the socket of UM-Bridge.
@@ -97,7 +101,7 @@ pub async fn serve(
     settings: &Settings,
     closing: impl Future<Output = ()>,
 ) {
-    let Routes { router, needs } = Routes::all();
+    let Routes { router, needs, .. } = Routes::all();
     let server = Server::new(service, settings, needs);
     let closing = closing.shared();
     let umbridge = umbridge.map(|listener| {
@@ -113,7 +117,7 @@ pub async fn serve(
 
 /// Serves only the health, the readiness and the metrics of a service, for monitors. It does not end.
 pub async fn serve_monitoring(listener: TcpListener, service: Service) {
-    let Routes { router, needs } = Routes::default().monitoring();
+    let Routes { router, needs, .. } = Routes::default().monitoring();
     let server = Server::new(service, &Settings::default(), needs);
     server.serve(listener, router, MONITORING, future::pending()).await;
 }
@@ -130,7 +134,7 @@ impl Server {
         let gate = Gate::new(service.store(), &settings.access, needs);
         let admission = Arc::new(Admission::new(settings.connections.clone()));
         let memory = (settings.memory, settings.transfers);
-        let app = App::new(service, gate, &admission, memory, || document().into());
+        let app = App::new(service, gate, &admission, memory);
         Self { app, admission, origins: settings.origins.clone() }
     }
 
@@ -139,23 +143,15 @@ impl Server {
     async fn serve(
         &self,
         listener: TcpListener,
-        router: OpenApiRouter<App>,
+        router: Router<App>,
         served: &'static str,
         closing: impl Future<Output = ()>,
     ) {
-        let (router, _) = router
-            .fallback(async move |request: Request| not_found(&request, served))
-            .split_for_parts();
+        let router = router.fallback(async move |request: Request| not_found(&request, served));
         let router = with_layers(router, self.app.clone(), self.origins.clone());
         let router = router.with_state(self.app.clone());
         server::serve(listener, router, self.admission.clone(), closing).await;
     }
-}
-
-/// The OpenAPI document, as JSON text.
-pub fn document() -> Vec<u8> {
-    let Routes { router, needs } = Routes::all();
-    openapi::complete(&router.into_openapi(), &needs)
 }
 
 fn not_found(request: &Request, served: &str) -> Problem {

@@ -1,10 +1,14 @@
 //! The routes, each with its documentation and the role that it requires.
 
+use axum::Router;
+use axum::handler::Handler;
 use axum::http::Method;
 use axum::response::Redirect;
-use axum::routing::{MethodRouter, get};
-use utoipa_axum::router::{OpenApiRouter, UtoipaMethodRouter};
-use utoipa_axum::routes;
+use axum::routing::{MethodFilter, MethodRouter, get, on};
+use pastey::paste;
+use utoipa::__dev::{SchemaReferences, Tags};
+use utoipa::Path;
+use utoipa::openapi::HttpMethod;
 
 use super::access::needs::{Needs, RouteNeeds};
 use super::api::{
@@ -12,68 +16,82 @@ use super::api::{
     report, results, scenarios, search, session, smooth, system, umbridge, verdict,
 };
 use super::app::App;
+use super::dashboard;
 use super::dashboard::{docs, swagger};
-use super::{dashboard, openapi};
 
-/// The routes with their documentation, and what they require.
+/// A handler, and what its attribute `utoipa::path` says.
+macro_rules! route {
+    ($module:ident::$handler:ident) => {
+        paste!(($module::[<__path_ $handler>], $module::$handler))
+    };
+}
+
+/// The routes, and what they require.
 #[derive(Default)]
 pub struct Routes {
-    pub router: OpenApiRouter<App>,
+    pub router: Router<App>,
     pub needs: RouteNeeds,
+    /// The documentation, from which a test makes the OpenAPI document.
+    #[cfg(test)]
+    pub documentation: super::openapi::Documentation,
 }
 
 impl Routes {
     /// All routes.
     pub fn all() -> Self {
-        Self { router: OpenApiRouter::with_openapi(openapi::frame()), ..Self::default() }
-            .add(Needs::SUBMIT, routes!(jobs::submit))
-            .add(Needs::READ, routes!(jobs::list))
-            .add(Needs::READ, routes!(jobs::show))
-            .add(Needs::SUBMIT, routes!(jobs::rename))
-            .add(Needs::CANCEL, routes!(jobs::delete))
-            .add(Needs::READ, routes!(jobs::result))
-            .add(Needs::READ, routes!(jobs::so_far))
-            .add(Needs::CANCEL, routes!(jobs::cancel))
-            .add(Needs::CANCEL, routes!(jobs::cancel_all))
-            .add(Needs::READ, routes!(events::follow))
-            .add(Needs::READ, routes!(search::list))
-            .add(Needs::READ, routes!(diff::diff))
-            .add(Needs::READ, routes!(results::whole))
-            .add(Needs::ADMIN, routes!(library::delete))
-            .add(Needs::READ, routes!(results::history))
-            .add(Needs::DERIVE, routes!(smooth::smooth))
-            .add(Needs::READ, routes!(results::profiles))
-            .add(Needs::READ, routes!(results::loops))
-            .add(Needs::READ, routes!(results::table))
-            .add(Needs::READ, routes!(results::statistics))
-            .add(Needs::READ, routes!(results::histogram))
-            .add(Needs::READ, routes!(verdict::verdict))
-            .add(Needs::READ, routes!(results::plot))
-            .add(Needs::READ, routes!(report::report))
-            .add(Needs::DERIVE, routes!(derivatives::derivatives))
-            .add(Needs::SUBMIT, routes!(results::pin, results::unpin))
-            .add(Needs::SUBMIT, routes!(links::share))
-            .add(Needs::READ, routes!(library::provenance))
-            .add(Needs::READ, routes!(library::warnings))
-            .add(Needs::READ, routes!(library::show_note))
-            .add(Needs::READ, routes!(search::about))
-            .add(Needs::SUBMIT, routes!(library::note, library::delete_note))
-            .add(Needs::EVALUATE, routes!(evaluate::evaluate))
-            .add(Needs::EVALUATE, routes!(measurements::read))
-            .add(Needs::READ, routes!(scenarios::check))
-            .add(Needs::NOTHING, routes!(scenarios::examples))
-            .add(Needs::NOTHING, routes!(scenarios::example))
-            .add(Needs::NOTHING, routes!(scenarios::schema))
-            .add(Needs::READ, routes!(me::me))
-            .add(Needs::READ, routes!(session::sign_in, session::sign_out))
-            .add(Needs::ADMIN, routes!(audit::audit))
-            .add(Needs::ADMIN, routes!(keys::list, keys::make))
-            .add(Needs::ADMIN, routes!(keys::revoke))
+        Self::default()
+            .add(Needs::SUBMIT, route!(jobs::submit))
+            .add(Needs::READ, route!(jobs::list))
+            .add(Needs::READ, route!(jobs::show))
+            .add(Needs::SUBMIT, route!(jobs::rename))
+            .add(Needs::CANCEL, route!(jobs::delete))
+            .add(Needs::READ, route!(jobs::result))
+            .add(Needs::READ, route!(jobs::so_far))
+            .add(Needs::CANCEL, route!(jobs::cancel))
+            .add(Needs::CANCEL, route!(jobs::cancel_all))
+            .add(Needs::READ, route!(events::follow))
+            .add(Needs::READ, route!(search::list))
+            .add(Needs::READ, route!(diff::diff))
+            .add(Needs::READ, route!(results::whole))
+            .add(Needs::ADMIN, route!(library::delete))
+            .add(Needs::READ, route!(results::history))
+            .add(Needs::DERIVE, route!(smooth::smooth))
+            .add(Needs::READ, route!(results::profiles))
+            .add(Needs::READ, route!(results::loops))
+            .add(Needs::READ, route!(results::table))
+            .add(Needs::READ, route!(results::statistics))
+            .add(Needs::READ, route!(results::histogram))
+            .add(Needs::READ, route!(verdict::verdict))
+            .add(Needs::READ, route!(results::plot))
+            .add(Needs::READ, route!(report::report))
+            .add(Needs::DERIVE, route!(derivatives::derivatives))
+            .add(Needs::SUBMIT, route!(results::pin))
+            .add(Needs::SUBMIT, route!(results::unpin))
+            .add(Needs::SUBMIT, route!(links::share))
+            .add(Needs::READ, route!(library::provenance))
+            .add(Needs::READ, route!(library::warnings))
+            .add(Needs::READ, route!(library::show_note))
+            .add(Needs::READ, route!(search::about))
+            .add(Needs::SUBMIT, route!(library::note))
+            .add(Needs::SUBMIT, route!(library::delete_note))
+            .add(Needs::EVALUATE, route!(evaluate::evaluate))
+            .add(Needs::EVALUATE, route!(measurements::read))
+            .add(Needs::READ, route!(scenarios::check))
+            .add(Needs::NOTHING, route!(scenarios::examples))
+            .add(Needs::NOTHING, route!(scenarios::example))
+            .add(Needs::NOTHING, route!(scenarios::schema))
+            .add(Needs::READ, route!(me::me))
+            .add(Needs::READ, route!(session::sign_in))
+            .add(Needs::READ, route!(session::sign_out))
+            .add(Needs::ADMIN, route!(audit::audit))
+            .add(Needs::ADMIN, route!(keys::list))
+            .add(Needs::ADMIN, route!(keys::make))
+            .add(Needs::ADMIN, route!(keys::revoke))
             .monitoring()
-            .add(Needs::READ, routes!(system::version))
-            .add(Needs::NOTHING, routes!(system::openapi))
-            .add(Needs::NOTHING, routes!(system::problems))
-            .add(Needs::NOTHING, routes!(system::explain))
+            .add(Needs::READ, route!(system::version))
+            .add(Needs::NOTHING, route!(system::openapi))
+            .add(Needs::NOTHING, route!(system::problems))
+            .add(Needs::NOTHING, route!(system::explain))
             // The dashboard and the documents contain no data of users. The requests that they send require a role.
             .page(Needs::NOTHING, "/", get(dashboard::page))
             .page(Needs::NOTHING, "/assets/{*name}", get(dashboard::asset))
@@ -88,9 +106,9 @@ impl Routes {
 
     /// Adds the routes for monitors: health, readiness and metrics.
     pub fn monitoring(self) -> Self {
-        self.add(Needs::NOTHING, routes!(system::health))
-            .add(Needs::NOTHING, routes!(system::ready))
-            .add(Needs::READ, routes!(system::metrics))
+        self.add(Needs::NOTHING, route!(system::health))
+            .add(Needs::NOTHING, route!(system::ready))
+            .add(Needs::READ, route!(system::metrics))
     }
 
     /// Adds the routes of UM-Bridge, which has its own documentation.
@@ -100,21 +118,25 @@ impl Routes {
         })
     }
 
-    /// Adds documented routes.
-    fn add(mut self, needs: Needs, routes: UtoipaMethodRouter<App>) -> Self {
-        for (path, item) in &routes.1.paths {
-            let operations = [
-                (Method::GET, &item.get),
-                (Method::POST, &item.post),
-                (Method::PUT, &item.put),
-                (Method::PATCH, &item.patch),
-                (Method::DELETE, &item.delete),
-            ];
-            for (method, _) in operations.into_iter().filter(|(_, operation)| operation.is_some()) {
-                self.needs.declare(path, method, needs);
-            }
-        }
-        Self { router: self.router.routes(routes), ..self }
+    /// Adds a documented route.
+    fn add<P: Path + SchemaReferences + Tags<'static>, H: Handler<T, App>, T: 'static>(
+        self,
+        needs: Needs,
+        (_, handler): (P, H),
+    ) -> Self {
+        #[cfg(test)]
+        let this = Self { documentation: self.documentation.with::<P>(), ..self };
+        #[cfg(not(test))]
+        let this = self;
+        let (method, filter) = match P::methods()[..] {
+            [HttpMethod::Get] => (Method::GET, MethodFilter::GET),
+            [HttpMethod::Post] => (Method::POST, MethodFilter::POST),
+            [HttpMethod::Put] => (Method::PUT, MethodFilter::PUT),
+            [HttpMethod::Patch] => (Method::PATCH, MethodFilter::PATCH),
+            [HttpMethod::Delete] => (Method::DELETE, MethodFilter::DELETE),
+            _ => unreachable!("each handler has one of these methods"),
+        };
+        this.undocumented(method, needs, &P::path(), on(filter, handler))
     }
 
     /// Adds a page for browsers, which is not part of the documented API.

@@ -72,7 +72,7 @@ fn operations() -> Vec<(String, String)> {
 
 /// Every documented operation on this job and this result.
 pub fn operations_on(id: &str, key: &str) -> Vec<(String, String)> {
-    let document: Value = serde_json::from_slice(&http::document()).unwrap();
+    let document: Value = serde_json::from_slice(http::DOCUMENT).unwrap();
     let mut operations = Vec::new();
     for (path, item) in document["paths"].as_object().unwrap() {
         let target = path

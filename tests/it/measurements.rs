@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::fs;
 
-use fretwork::http::{Limits, document};
+use fretwork::http::{DOCUMENT, Limits};
 use fretwork_job::Submission;
 use fretwork_random::Stream;
 use fretwork_store::Role;
@@ -399,7 +399,7 @@ async fn reading_needs_the_role_of_evaluations_and_counts_as_one() {
     let submitter = made(server.place(), "submitter", Role::Submit).await;
     assert_eq!((asked(&submitter).await.status, asked(&submitter).await.status), (200, 200));
     asked(&submitter).await.problem(429, "rate-limited");
-    let path = &serde_json::from_slice::<Value>(&document()).unwrap()["paths"][PATH]["post"];
+    let path = &serde_json::from_slice::<Value>(DOCUMENT).unwrap()["paths"][PATH]["post"];
     assert_eq!(path["operationId"], "read_measurements");
 }
 

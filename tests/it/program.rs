@@ -362,7 +362,7 @@ fn faults_of_a_file_are_printed_one_per_line() {
 
 #[test]
 fn the_openapi_command_prints_the_served_document() {
-    assert_eq!(run(&["openapi"], "").stdout, http::document());
+    assert_eq!(run(&["openapi"], "").stdout, http::DOCUMENT);
 }
 
 #[test]

@@ -15,7 +15,7 @@ use crate::http::dashboard::docs::POLICY;
 use crate::http::metrics::{Measurements, as_prometheus};
 use crate::http::transport::body::BODY_LIMIT;
 use crate::http::wire::negotiation::choose;
-use crate::http::{App, NoQuery, Problem, Result, Segment, kinds, problem, wire};
+use crate::http::{App, DOCUMENT, NoQuery, Problem, Result, Segment, kinds, problem, wire};
 use crate::service::{LONGEST_CALL, LONGEST_EVALUATION, RUN_BYTES, WorkLimits};
 use fretwork_engine::NUMERICS;
 use fretwork_engine::input::fields::{MAX_CYCLES, POINTS_RANGE};
@@ -213,8 +213,8 @@ pub async fn metrics(app: App, headers: HeaderMap, _: NoQuery) -> Result<Respons
     (status = 200, description = "An OpenAPI 3.1 document.", body = serde_json::Value),
     (status = 304, description = "The client's copy is valid."),
 ))]
-pub async fn openapi(app: App, headers: HeaderMap, _: NoQuery) -> Response {
-    fixed(&headers, "application/json", app.document.clone())
+pub async fn openapi(headers: HeaderMap, _: NoQuery) -> Response {
+    fixed(&headers, "application/json", DOCUMENT)
 }
 
 /// Lists the problem types.

@@ -1,19 +1,23 @@
-//! The OpenAPI document: generated from the routes, then completed with what all operations share.
+//! The OpenAPI document: generated from the routes, then completed with what all operations share. Only a test generates it. The
+//! program contains the file.
 //!
 //! The engine has the schema of a scenario.
 
 use axum::http::Method;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value, json};
-use utoipa::OpenApi as _;
-use utoipa::openapi::OpenApi;
+use utoipa::__dev::{SchemaReferences, Tags};
+use utoipa::openapi::schema::Schema;
+use utoipa::openapi::{Paths, RefOr};
+use utoipa::{OpenApi, Path};
 
 use crate::http::access::needs::{Needs, RouteNeeds};
 use crate::http::access::signed_link::OPENED;
 use crate::http::api::documents::{Documents, EITHER};
 use crate::http::api::scenarios::EXAMPLES;
 use crate::http::problem::ProblemDocument;
-use crate::http::schemas;
+use crate::http::routes::Routes;
+use crate::http::{DOCUMENT, schemas};
 use fretwork_engine::SCHEMA;
 use fretwork_engine::outcome::Quantity;
 use fretwork_format::{Format, Part};
@@ -46,19 +50,33 @@ const SHARED: &str = include_str!("shared.json");
 )]
 struct Frame;
 
-/// The document without routes. This adds the types that appear only in parameters, because utoipa does not collect
-/// them.
-pub fn frame() -> OpenApi {
-    let mut frame = Frame::openapi();
-    let components = frame.components.get_or_insert_default();
-    components.schemas.extend(schemas::all());
-    components.schemas.extend(Documents::openapi().components.unwrap_or_default().schemas);
-    frame
+/// The documentation of routes.
+#[derive(Default)]
+pub struct Documentation {
+    operations: Paths,
+    schemas: Vec<(String, RefOr<Schema>)>,
 }
 
-/// The complete document as it is served, printed and committed.
-#[expect(clippy::expect_used, reason = "utoipa's types are valid JSON")]
-pub fn complete(document: &OpenApi, needs: &RouteNeeds) -> Vec<u8> {
+impl Documentation {
+    /// Adds a route.
+    pub fn with<P: Path + SchemaReferences + Tags<'static>>(mut self) -> Self {
+        let mut operation = P::operation();
+        operation.tags = Some(P::tags().into_iter().map(str::to_owned).collect());
+        self.operations.add_path_operation(P::path(), P::methods(), operation);
+        P::schemas(&mut self.schemas);
+        self
+    }
+}
+
+/// The complete document.
+fn complete(Documentation { operations, schemas }: Documentation, needs: &RouteNeeds) -> Vec<u8> {
+    let mut document = Frame::openapi();
+    document.paths = operations;
+    let components = document.components.get_or_insert_default();
+    components.schemas.extend(schemas);
+    // utoipa does not collect the types that appear only in parameters.
+    components.schemas.extend(schemas::all());
+    components.schemas.extend(Documents::openapi().components.unwrap_or_default().schemas);
     let mut document = serde_json::to_value(document).expect("an OpenAPI document");
     let mut shared: Value = parsed(SHARED);
     if let Some(Value::Object(schemas)) = document.pointer_mut("/components/schemas") {
@@ -324,18 +342,28 @@ fn add_access_headers(needs: Needs, operation: &mut Value) {
     }
 }
 
-#[expect(clippy::expect_used, reason = "a test checks all examples")]
 fn example_key() -> String {
     let submission = Submission::parse(EXAMPLES[0].body.as_bytes()).expect("a valid example");
     submission.prepared.key.to_string()
 }
 
-#[expect(clippy::expect_used, reason = "utoipa writes the names of HTTP methods")]
 fn parsed_method(name: &str) -> Method {
     name.to_uppercase().parse().expect("an HTTP method")
 }
 
-#[expect(clippy::expect_used, reason = "the files are part of the program, and tests read them")]
 fn parsed<T: DeserializeOwned>(file: &str) -> T {
     serde_json::from_str(file).expect("valid JSON")
+}
+
+#[test]
+fn the_committed_openapi_document_is_up_to_date() {
+    let Routes { needs, documentation, .. } = Routes::all();
+    let current = complete(documentation, &needs);
+    if current != DOCUMENT {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/openapi/openapi.json");
+        std::fs::write(path, current).unwrap();
+        panic!(
+            "openapi/openapi.json was out of date. This test has written it; run the tests again."
+        );
+    }
 }

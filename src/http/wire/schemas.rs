@@ -32,9 +32,11 @@ macro_rules! documented {
         )*
 
         /// What these types mean, by their names.
+        #[cfg(test)]
         pub const MEANINGS: &[(&str, &str)] = &[$((stringify!($name), $about)),*];
 
         /// All these types, by their names.
+        #[cfg(test)]
         pub fn all() -> Vec<(String, RefOr<Schema>)> {
             vec![$((stringify!($name).to_owned(), $name::schema())),*]
         }
