@@ -1,17 +1,26 @@
-//! Tables as Arrow: an IPC file, also known as Feather.
+//! Tables as Arrow: an [IPC file](https://arrow.apache.org/docs/format/Columnar.html#ipc-file-format), also known as Feather.
+//!
+//! `arrow_format` has the messages of the format. This module writes them to a file, with the columns between them.
 
-use std::collections::HashMap;
+use std::io::Write as _;
 use std::mem;
-use std::sync::Arc;
 
-use arrow_array::{ArrayRef, Float32Array, Float64Array, RecordBatch, StringArray};
-use arrow_ipc::writer::FileWriter;
-use arrow_schema::{DataType, Field, Schema};
+use arrow_format::ipc::planus::{Builder, WriteAsOffset};
+use arrow_format::ipc::{
+    Block, Buffer, Endianness, Field, FieldNode, FloatingPoint, Footer, KeyValue, Message,
+    MessageHeader, MetadataVersion, Precision, RecordBatch, Schema, Type, Utf8,
+};
 
 use super::{Head, Out, PartTable, Result, Values, View, fits_single};
 
 /// Rows of a record batch. A large table has several batches, so that only one of them is in memory.
 const BATCH: usize = 1 << 16;
+/// The first and the last bytes of a file.
+const MAGIC: &[u8; 6] = b"ARROW1";
+/// What stands before the length of a message.
+const CONTINUATION: [u8; 4] = [0xff; 4];
+/// Bodies of messages, and the buffers in them, begin at multiples of this number of bytes.
+const ALIGNMENT: usize = 64;
 
 /// Writes a table with the rows of CSV.
 ///
@@ -26,47 +35,159 @@ pub fn table(out: &mut Out<'_>, head: &Head, table: &PartTable, view: &View) -> 
             fits_single(view.digits, numbers)
         })
         .collect();
-    let field = |((name, values), single): (&(String, Values), &bool)| {
-        let kind = match values {
-            Values::Texts(_) => DataType::Utf8,
-            _ if *single => DataType::Float32,
-            _ => DataType::Float64,
-        };
-        let unit = head.units.of(name).unwrap_or("1").to_owned();
-        let metadata = HashMap::from([("unit".to_owned(), unit)]);
-        Field::new(name, kind, true).with_metadata(metadata)
-    };
-    let fields: Vec<Field> = table.columns.iter().zip(&single).map(field).collect();
-    let metadata = HashMap::from([
-        ("key".to_owned(), head.key.clone()),
-        ("engine".to_owned(), head.engine_text.to_string()),
-        ("units".to_owned(), serde_json::to_string(&head.units)?),
-        ("part".to_owned(), table.part.as_str().to_owned()),
-    ]);
-    let schema = Arc::new(Schema::new(fields).with_metadata(metadata));
-    let mut writer = FileWriter::try_new(out, &schema)?;
+    let fields = table.columns.iter().zip(&single).map(|((name, values), single)| {
+        let unit = head.units.of(name).unwrap_or("1");
+        Field {
+            name: Some(name.clone()),
+            nullable: true,
+            type_: Some(match values {
+                Values::Texts(_) => Type::Utf8(Box::new(Utf8 {})),
+                _ if *single => floats(Precision::Single),
+                _ => floats(Precision::Double),
+            }),
+            dictionary: None,
+            children: Some(Vec::new()),
+            custom_metadata: Some(vec![pair("unit", unit)]),
+        }
+    });
+    let schema = Box::new(Schema {
+        endianness: Endianness::Little,
+        fields: Some(fields.collect()),
+        custom_metadata: Some(vec![
+            pair("key", &head.key),
+            pair("engine", head.engine_text.get()),
+            pair("units", &serde_json::to_string(&head.units)?),
+            pair("part", table.part.as_str()),
+        ]),
+        features: None,
+    });
+    out.write_all(MAGIC)?;
+    out.write_all(&[0; 2])?;
+    let mut position = MAGIC.len() + 2;
+    message(out, &mut position, MessageHeader::Schema(schema.clone()), &[])?;
+    let mut batches = Vec::new();
     let mut rows = table.rows().peekable();
     let mut is_first = true;
     while mem::take(&mut is_first) || rows.peek().is_some() {
-        let batch: Vec<_> = rows.by_ref().take(BATCH).collect();
-        let columns = table.columns.iter().zip(&single);
-        let columns = columns.map(|((_, values), single)| column(values, &batch, *single));
-        writer.write(&RecordBatch::try_new(Arc::clone(&schema), columns.collect())?)?;
+        let rows: Vec<_> = rows.by_ref().take(BATCH).collect();
+        let mut columns = Columns::default();
+        for ((_, values), single) in table.columns.iter().zip(&single) {
+            columns.add(values, &rows, *single);
+        }
+        let header = MessageHeader::RecordBatch(Box::new(RecordBatch {
+            length: signed(rows.len()),
+            nodes: Some(columns.nodes),
+            buffers: Some(columns.buffers),
+            compression: None,
+            variadic_buffer_counts: None,
+        }));
+        batches.push(message(out, &mut position, header, &columns.body)?);
     }
-    Ok(writer.finish()?)
+    out.write_all(&CONTINUATION)?;
+    out.write_all(&[0; 4])?;
+    let footer = serialized(Footer {
+        version: MetadataVersion::V5,
+        schema: Some(schema),
+        dictionaries: Some(Vec::new()),
+        record_batches: Some(batches),
+        custom_metadata: None,
+    });
+    out.write_all(&footer)?;
+    out.write_all(&(footer.len() as u32).to_le_bytes())?;
+    Ok(out.write_all(MAGIC)?)
 }
 
-/// The numbers of a column in these rows.
-fn column(values: &Values, rows: &[(usize, usize)], single: bool) -> ArrayRef {
-    if let Values::Texts(texts) = values {
-        let texts = rows.iter().map(|&(cycle, _)| texts.get(cycle).and_then(Option::as_deref));
-        return Arc::new(texts.collect::<StringArray>());
+fn floats(precision: Precision) -> Type {
+    Type::FloatingPoint(Box::new(FloatingPoint { precision }))
+}
+
+fn pair(key: &str, value: &str) -> KeyValue {
+    KeyValue { key: Some(key.to_owned()), value: Some(value.to_owned()) }
+}
+
+fn signed(number: usize) -> i64 {
+    (number as u64).cast_signed()
+}
+
+fn serialized<T>(table: impl WriteAsOffset<T>) -> Vec<u8> {
+    Builder::new().finish(table, None).to_vec()
+}
+
+/// Writes a message at this position of the file, and returns where it is.
+fn message(
+    out: &mut Out<'_>,
+    position: &mut usize,
+    header: MessageHeader,
+    body: &[u8],
+) -> Result<Block> {
+    let body_length = signed(body.len());
+    let header = serialized(Message {
+        version: MetadataVersion::V5,
+        header: Some(header),
+        body_length,
+        custom_metadata: None,
+    });
+    let start = *position;
+    let before = start + CONTINUATION.len() + mem::size_of::<u32>();
+    let end = (before + header.len()).next_multiple_of(ALIGNMENT);
+    out.write_all(&CONTINUATION)?;
+    out.write_all(&((end - before) as u32).to_le_bytes())?;
+    out.write_all(&header)?;
+    out.write_all(&[0; ALIGNMENT][..end - before - header.len()])?;
+    out.write_all(body)?;
+    *position = end + body.len();
+    let meta_data_length = ((end - start) as u32).cast_signed();
+    Ok(Block { offset: signed(start), meta_data_length, body_length })
+}
+
+/// The columns of a record batch.
+#[derive(Default)]
+struct Columns {
+    nodes: Vec<FieldNode>,
+    buffers: Vec<Buffer>,
+    body: Vec<u8>,
+}
+
+impl Columns {
+    /// Adds what a column has in these rows.
+    fn add(&mut self, values: &Values, rows: &[(usize, usize)], single: bool) {
+        if let Values::Texts(texts) = values {
+            let texts = rows.iter().map(|&(cycle, _)| texts.get(cycle).and_then(Option::as_deref));
+            self.add_validity(&texts.clone().map(|text| text.is_some()).collect::<Vec<_>>());
+            let texts = texts.map(Option::unwrap_or_default);
+            let ends = texts.clone().scan(0, |end, text| {
+                *end += text.len() as u32;
+                Some(*end)
+            });
+            self.add_buffer([0].into_iter().chain(ends).map(u32::to_le_bytes));
+            self.add_buffer(texts);
+            return;
+        }
+        let numbers = rows.iter().map(|&(cycle, point)| values.at(cycle, point));
+        self.add_validity(&numbers.clone().map(f64::is_finite).collect::<Vec<_>>());
+        let finite = numbers.map(|number| if number.is_finite() { number } else { 0.0 });
+        if single {
+            self.add_buffer(finite.map(|number| (number as f32).to_le_bytes()));
+        } else {
+            self.add_buffer(finite.map(f64::to_le_bytes));
+        }
     }
-    let numbers = rows.iter().map(|&(cycle, point)| values.at(cycle, point));
-    let finite = numbers.map(|number| Some(number).filter(|n| n.is_finite()));
-    if single {
-        Arc::new(finite.map(|number| number.map(|n| n as f32)).collect::<Float32Array>())
-    } else {
-        Arc::new(finite.collect::<Float64Array>())
+
+    /// Begins a column, with a bit for each row that is not null.
+    fn add_validity(&mut self, rows: &[bool]) {
+        let nulls = rows.iter().filter(|is_valid| !**is_valid).count();
+        self.nodes.push(FieldNode { length: signed(rows.len()), null_count: signed(nulls) });
+        let byte = |bits: &[bool]| {
+            [bits.iter().rev().fold(0_u8, |byte, is_valid| byte << 1 | u8::from(*is_valid))]
+        };
+        self.add_buffer(rows.chunks(8).map(byte));
+    }
+
+    fn add_buffer(&mut self, items: impl Iterator<Item: AsRef<[u8]>>) {
+        let start = self.body.len();
+        items.for_each(|item| self.body.extend_from_slice(item.as_ref()));
+        let length = signed(self.body.len() - start);
+        self.buffers.push(Buffer { offset: signed(start), length });
+        self.body.resize(self.body.len().next_multiple_of(ALIGNMENT), 0);
     }
 }

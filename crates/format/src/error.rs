@@ -36,9 +36,6 @@ pub enum Error {
     /// The NPZ archive cannot be written.
     #[error("the NPZ archive cannot be written")]
     Npz(#[from] zip::result::ZipError),
-    /// The Arrow file cannot be written.
-    #[error("the Arrow file cannot be written")]
-    Arrow(#[from] arrow_schema::ArrowError),
     /// The output cannot be written.
     #[error("the output cannot be written")]
     Write(#[from] io::Error),
