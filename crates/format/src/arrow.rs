@@ -180,6 +180,8 @@ impl Columns {
         let byte = |bits: &[bool]| {
             [bits.iter().rev().fold(0_u8, |byte, is_valid| byte << 1 | u8::from(*is_valid))]
         };
+        // Bits without a null can be left out.
+        let rows = if nulls == 0 { &[] } else { rows };
         self.add_buffer(rows.chunks(8).map(byte));
     }
 

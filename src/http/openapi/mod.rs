@@ -8,7 +8,7 @@ use serde::de::DeserializeOwned;
 use serde_json::{Map, Value, json};
 use utoipa::__dev::{SchemaReferences, Tags};
 use utoipa::openapi::schema::Schema;
-use utoipa::openapi::{Paths, RefOr};
+use utoipa::openapi::{OpenApi as OpenApiDocument, Paths, RefOr};
 use utoipa::{OpenApi, Path};
 
 use crate::http::access::needs::{Needs, RouteNeeds};
@@ -68,15 +68,22 @@ impl Documentation {
     }
 }
 
+impl From<Documentation> for OpenApiDocument {
+    fn from(Documentation { operations, schemas }: Documentation) -> Self {
+        let mut document = Frame::openapi();
+        document.paths = operations;
+        let components = document.components.get_or_insert_default();
+        components.schemas.extend(schemas);
+        // utoipa does not collect the types that appear only in parameters.
+        components.schemas.extend(schemas::all());
+        components.schemas.extend(Documents::openapi().components.unwrap_or_default().schemas);
+        document
+    }
+}
+
 /// The complete document.
-fn complete(Documentation { operations, schemas }: Documentation, needs: &RouteNeeds) -> Vec<u8> {
-    let mut document = Frame::openapi();
-    document.paths = operations;
-    let components = document.components.get_or_insert_default();
-    components.schemas.extend(schemas);
-    // utoipa does not collect the types that appear only in parameters.
-    components.schemas.extend(schemas::all());
-    components.schemas.extend(Documents::openapi().components.unwrap_or_default().schemas);
+fn complete(documentation: Documentation, needs: &RouteNeeds) -> Vec<u8> {
+    let document = OpenApiDocument::from(documentation);
     let mut document = serde_json::to_value(document).expect("an OpenAPI document");
     let mut shared: Value = parsed(SHARED);
     if let Some(Value::Object(schemas)) = document.pointer_mut("/components/schemas") {
