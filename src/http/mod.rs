@@ -37,6 +37,7 @@ pub use access::sign_on::SignOn;
 pub use access::signed_link::ADMIN;
 pub use api::keys::{KEY_LIFETIMES, KEY_NAMES, KEY_ROLES, key_lifetime};
 pub use api::scenarios::{EXAMPLES, Example};
+pub use api::system::DOCUMENT;
 pub use dashboard::report::page as report_page;
 pub use layers::Origins;
 pub use transport::admission::Connections;
@@ -81,9 +82,6 @@ impl Default for Settings {
         }
     }
 }
-
-/// The OpenAPI document, as JSON text. A test compares it with the routes.
-pub const DOCUMENT: &[u8] = include_bytes!("../../openapi/openapi.json");
 
 /// The hint in a 404 answer of the main socket.
 const API: &str = "/docs/api/ lists all routes.";

@@ -19,7 +19,7 @@ use super::app::App;
 use super::dashboard;
 use super::dashboard::{docs, swagger};
 
-/// A handler, and what its attribute `utoipa::path` says.
+/// A handler, and the type that its attribute `utoipa::path` makes.
 macro_rules! route {
     ($module:ident::$handler:ident) => {
         paste!(($module::[<__path_ $handler>], $module::$handler))
@@ -159,6 +159,8 @@ impl Routes {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::http::api::system::DOCUMENT;
+    use crate::http::openapi::complete;
 
     #[test]
     fn each_route_requires_its_declared_role() {
@@ -182,6 +184,20 @@ mod tests {
             (Method::GET, "", Needs::READ),
         ] {
             assert_eq!(all.of(&method, route), needs, "{method} {route}");
+        }
+    }
+
+    #[test]
+    fn the_committed_openapi_document_is_up_to_date() {
+        let Routes { needs, documentation, .. } = Routes::all();
+        let current = complete(documentation, &needs);
+        if current != DOCUMENT {
+            let path = concat!(env!("CARGO_MANIFEST_DIR"), "/openapi/openapi.json");
+            let written = match std::fs::write(path, current) {
+                Ok(()) => "This test has written it; run the tests again.".to_owned(),
+                Err(error) => format!("This test could not write it: {error}"),
+            };
+            panic!("openapi/openapi.json is out of date. {written}");
         }
     }
 }

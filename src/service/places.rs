@@ -51,10 +51,8 @@ impl Places {
         &self,
         mut inline: bool,
         mut patience: Duration,
-        turn: impl FnMut() -> Option<T> + Send + 'static,
+        mut turn: impl FnMut() -> Option<T> + Send + 'static,
     ) -> Result<T, Unfinished> {
-        // Boxed closures with the same outcome have one type, so this is compiled once for each outcome.
-        let mut turn: Box<dyn FnMut() -> Option<T> + Send> = Box::new(turn);
         loop {
             let place = timeout(patience, Arc::clone(&self.free).acquire_owned()).await;
             let place = place.ok().and_then(Result::ok).ok_or(Unfinished::NoPlace)?;

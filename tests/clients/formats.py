@@ -10,6 +10,7 @@ import json
 import sys
 import urllib.error
 import urllib.request
+from pathlib import Path
 
 import numpy
 import pandas
@@ -19,6 +20,7 @@ import pyarrow.feather
 import pyarrow.ipc
 
 BASE = sys.argv[1]
+ROOT = Path(__file__).resolve().parents[2]
 
 # A cone: its pressure is infinite at the apex.
 JOB = {
@@ -267,6 +269,35 @@ def check_held(key):
     assert len(tags) == 5, tags
 
 
+def check_arrow():
+    """Arrow files with words and nulls, of several batches, and without rows have what JSON has."""
+    def read(key, part):
+        file = pyarrow.ipc.open_file(body(f"/v1/results/{key}/{part}?format=arrow"))
+        table = file.read_all()
+        table.validate(full=True)
+        # Readers of streams skip the first eight bytes.
+        assert pyarrow.ipc.open_stream(body(f"/v1/results/{key}/{part}?format=arrow")[8:]).read_all().equals(table)
+        return file.num_record_batches, table
+
+    key = submit(json.loads((ROOT / "examples/studies/map.json").read_text()))
+    table = json.loads(body(f"/v1/results/{key}/table"))["table"]
+    batches, found = read(key, "table")
+    assert found.to_pydict() == table and batches == 1
+    assert any(type(column[0]) is str for column in table.values()) and any(None in column for column in table.values())
+
+    many = {**JOB["scenario"], "cycles": {"normalized": {"from": 0.1, "to": 16, "count": 1000}}, "profiles_at": "all"}
+    key = submit({"scenario": many})
+    expected = tidy("profiles", json.loads(body(f"/v1/results/{key}/profiles"))["profiles"])
+    batches, found = read(key, "profiles")
+    assert batches > 1 and found.num_rows > 65536
+    for name, column in expected.items():
+        same(found.column(name).to_pandas(), column, ("arrow", name))
+
+    key = submit({"scenario": {**JOB["scenario"], "profiles_at": "none"}})
+    batches, found = read(key, "profiles")
+    assert found.num_rows == 0 and "pressure" in found.column_names
+
+
 def main():
     key = submit(JOB)
     whole = check_whole(key)
@@ -277,6 +308,7 @@ def main():
     check_units(key, whole)
     check_digits(key, whole)
     check_held(key)
+    check_arrow()
     print("every form holds the same numbers")
 
 

@@ -1,4 +1,4 @@
-//! The OpenAPI document: committed and complete.
+//! The OpenAPI document is complete.
 
 use std::collections::HashSet;
 

@@ -2,7 +2,7 @@
 //!
 //! `arrow_format` has the messages of the format. This module writes them to a file, with the columns between them.
 
-use std::io::Write as _;
+use std::io::{self, ErrorKind, Write as _};
 use std::mem;
 
 use arrow_format::ipc::planus::{Builder, WriteAsOffset};
@@ -72,7 +72,7 @@ pub fn table(out: &mut Out<'_>, head: &Head, table: &PartTable, view: &View) -> 
         let rows: Vec<_> = rows.by_ref().take(BATCH).collect();
         let mut columns = Columns::default();
         for ((_, values), single) in table.columns.iter().zip(&single) {
-            columns.add(values, &rows, *single);
+            columns.add(values, &rows, *single)?;
         }
         let header = MessageHeader::RecordBatch(Box::new(RecordBatch {
             length: signed(rows.len()),
@@ -128,15 +128,16 @@ fn message(
         custom_metadata: None,
     });
     let start = *position;
-    let before = start + CONTINUATION.len() + mem::size_of::<u32>();
-    let end = (before + header.len()).next_multiple_of(ALIGNMENT);
+    let header_start = start + CONTINUATION.len() + mem::size_of::<u32>();
+    let header_end = header_start + header.len();
+    let body_start = header_end.next_multiple_of(ALIGNMENT);
     out.write_all(&CONTINUATION)?;
-    out.write_all(&((end - before) as u32).to_le_bytes())?;
+    out.write_all(&((body_start - header_start) as u32).to_le_bytes())?;
     out.write_all(&header)?;
-    out.write_all(&[0; ALIGNMENT][..end - before - header.len()])?;
+    out.write_all(&[0; ALIGNMENT][..body_start - header_end])?;
     out.write_all(body)?;
-    *position = end + body.len();
-    let meta_data_length = ((end - start) as u32).cast_signed();
+    *position = body_start + body.len();
+    let meta_data_length = ((body_start - start) as u32).cast_signed();
     Ok(Block { offset: signed(start), meta_data_length, body_length })
 }
 
@@ -149,19 +150,22 @@ struct Columns {
 }
 
 impl Columns {
-    /// Adds what a column has in these rows.
-    fn add(&mut self, values: &Values, rows: &[(usize, usize)], single: bool) {
+    /// Adds the values of a column in these rows.
+    fn add(&mut self, values: &Values, rows: &[(usize, usize)], single: bool) -> Result<()> {
         if let Values::Texts(texts) = values {
             let texts = rows.iter().map(|&(cycle, _)| texts.get(cycle).and_then(Option::as_deref));
             self.add_validity(&texts.clone().map(|text| text.is_some()).collect::<Vec<_>>());
             let texts = texts.map(Option::unwrap_or_default);
-            let ends = texts.clone().scan(0, |end, text| {
-                *end += text.len() as u32;
-                Some(*end)
-            });
-            self.add_buffer([0].into_iter().chain(ends).map(u32::to_le_bytes));
+            let mut ends = vec![0];
+            for text in texts.clone() {
+                let end = ends[ends.len() - 1] + text.len();
+                ends.push(end);
+            }
+            i32::try_from(ends[rows.len()])
+                .map_err(|_| io::Error::from(ErrorKind::FileTooLarge))?;
+            self.add_buffer(ends.into_iter().map(|end| (end as u32).to_le_bytes()));
             self.add_buffer(texts);
-            return;
+            return Ok(());
         }
         let numbers = rows.iter().map(|&(cycle, point)| values.at(cycle, point));
         self.add_validity(&numbers.clone().map(f64::is_finite).collect::<Vec<_>>());
@@ -171,6 +175,7 @@ impl Columns {
         } else {
             self.add_buffer(finite.map(f64::to_le_bytes));
         }
+        Ok(())
     }
 
     /// Begins a column, with a bit for each row that is not null.
@@ -180,7 +185,7 @@ impl Columns {
         let byte = |bits: &[bool]| {
             [bits.iter().rev().fold(0_u8, |byte, is_valid| byte << 1 | u8::from(*is_valid))]
         };
-        // Bits without a null can be left out.
+        // Without nulls, the bits can be left out.
         let rows = if nulls == 0 { &[] } else { rows };
         self.add_buffer(rows.chunks(8).map(byte));
     }

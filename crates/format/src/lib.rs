@@ -53,7 +53,7 @@ pub use view::{FigureOptions, StudyOptions, View};
 
 /// The version of the formats. Clients may cache answers for ever, so increase the version when the same
 /// request gives other bytes.
-pub const VERSION: u8 = 7;
+pub const VERSION: u8 = 8;
 
 /// Writes a stored result, or a part of it. Large results take seconds. The stored bytes are dropped before the first
 /// byte is written, unless the whole document is written unchanged.

@@ -15,10 +15,13 @@ use crate::http::dashboard::docs::POLICY;
 use crate::http::metrics::{Measurements, as_prometheus};
 use crate::http::transport::body::BODY_LIMIT;
 use crate::http::wire::negotiation::choose;
-use crate::http::{App, DOCUMENT, NoQuery, Problem, Result, Segment, kinds, problem, wire};
+use crate::http::{App, NoQuery, Problem, Result, Segment, kinds, problem, wire};
 use crate::service::{LONGEST_CALL, LONGEST_EVALUATION, RUN_BYTES, WorkLimits};
 use fretwork_engine::NUMERICS;
 use fretwork_engine::input::fields::{MAX_CYCLES, POINTS_RANGE};
+
+/// The OpenAPI document, as JSON text. A test compares it with the routes.
+pub const DOCUMENT: &[u8] = include_bytes!("../../../openapi/openapi.json");
 
 /// The health of the process.
 #[derive(Debug, Serialize, ToSchema)]

@@ -81,7 +81,7 @@ pub type Result<T, E = Problem> = std::result::Result<T, E>;
 /// # Errors
 /// The work panics, which is a bug.
 pub async fn blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T> {
-    // Boxed closures with the same result have one type, so this is compiled once for each result.
+    // Boxed closures with the same result have one type, so `spawn_blocking` is compiled once for each result.
     let work: Box<dyn FnOnce() -> T + Send> = Box::new(work);
     spawn_blocking(work).await.map_err(Problem::bug)
 }
