@@ -286,6 +286,7 @@ def check_arrow():
     assert any(type(column[0]) is str for column in table.values()) and any(None in column for column in table.values())
 
     many = {**JOB["scenario"], "cycles": {"normalized": {"from": 0.1, "to": 16, "count": 1000}}, "profiles_at": "all"}
+    many["model"] = {**many["model"], "points": 100}
     key = submit({"scenario": many})
     expected = tidy("profiles", json.loads(body(f"/v1/results/{key}/profiles"))["profiles"])
     batches, found = read(key, "profiles")
