@@ -1,7 +1,5 @@
 //! Files as instruments and spreadsheets write them, good and bad.
 
-#![expect(clippy::expect_used, clippy::panic, reason = "a failed test may panic")]
-
 use fretwork_measured::{MAX_ROWS, Measured, Prepare, Wanted, read};
 use fretwork_random::Stream;
 

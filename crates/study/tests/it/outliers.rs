@@ -1,16 +1,9 @@
 //! Outliers among the residuals of linear fits.
 
-#![expect(clippy::unwrap_used, reason = "a failed test may panic")]
-
 use fretwork_random::Stream;
-use fretwork_study::stats::distribution::Distribution;
 use fretwork_study::stats::outliers::outliers;
 
-/// A number of the standard normal distribution.
-fn normal(stream: Stream, index: u64) -> f64 {
-    let uniform = (stream.at(index) >> 11) as f64 / (1_u64 << 53) as f64;
-    Distribution::normal(0.0, 1.0).unwrap().quantile(uniform + 1e-17)
-}
+use crate::normal;
 
 /// The columns of a constant, and of a line.
 fn columns(count: usize, parameters: usize) -> Vec<Vec<f64>> {

@@ -1,12 +1,12 @@
 //! Traces with known tilt, offset, noise and radius, and with the scar of an engine's run.
 
-#![expect(clippy::disallowed_methods, clippy::unwrap_used, reason = "a failed test may panic")]
-
 use fretwork_engine::scenario;
 use fretwork_engine::simulation::Simulation;
 use fretwork_measured::{Measured, Prepare, Up, Wanted, read};
 use fretwork_random::Stream;
 use serde_json::{Value, json};
+
+use crate::normal;
 
 const TRACE: Wanted<'_> = Wanted::of(Prepare::Trace);
 const RADIUS: f64 = 10e-3;
@@ -69,12 +69,6 @@ struct Trace {
     from: f64,
     to: f64,
     seed: u64,
-}
-
-/// A normal random number, from twelve uniform ones.
-fn normal(stream: Stream, place: u64) -> f64 {
-    let uniform = |at| stream.at(12 * place + at) as f64 / 2f64.powi(64);
-    (0..12).map(uniform).sum::<f64>() - 6.0
 }
 
 impl Trace {

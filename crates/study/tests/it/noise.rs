@@ -1,25 +1,17 @@
 //! Fits of synthetic tests whose noise is known: how often intervals contain the truth, and how often a true law is said to fail.
 
-#![expect(clippy::unwrap_used, reason = "a failed test may panic")]
-#![expect(clippy::print_stdout, reason = "the table is printed")]
-
 use std::iter;
 use std::sync::Arc;
 
 use fretwork_engine::input::fault::Faults;
 use fretwork_random::Stream;
-use fretwork_study::stats::distribution::Distribution;
 use fretwork_study::{Kind, Likelihood, Points, Rows, Study};
 use serde_json::{Value, json};
 
+use crate::normal;
+
 /// The wear volume per dissipated energy. A run of the simplified rule gives it as exactly as one of the exact method, but sooner.
 const TRUTH: f64 = 1e-13;
-
-/// A number of the standard normal distribution.
-fn normal(stream: Stream, index: u64) -> f64 {
-    let uniform = (stream.at(index) >> 11) as f64 / (1_u64 << 53) as f64;
-    Distribution::normal(0.0, 1.0).unwrap().quantile(uniform + 1e-17)
-}
 
 /// The volume at an energy with a scatter of this share.
 fn scattered(energy: f64, scatter: f64, is_log: bool) -> f64 {

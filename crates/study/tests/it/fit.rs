@@ -1,8 +1,5 @@
 //! Fits of synthetic and published measurements.
 
-#![expect(clippy::unwrap_used, reason = "a failed test may panic")]
-#![expect(clippy::print_stdout, reason = "the lines of VERIFICATION.md are printed")]
-
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::{iter, thread};
@@ -11,8 +8,9 @@ use fretwork_engine::input::fault::Faults;
 use fretwork_random::{Random, Stream};
 use serde_json::{Value, json};
 
-use fretwork_study::stats::distribution::Distribution;
 use fretwork_study::{Claimed, Kind, Likelihood, Model, Points, Rows, Study};
+
+use crate::normal;
 
 /// A steel ball on a flat.
 fn ball() -> Value {
@@ -60,13 +58,6 @@ fn output(scenario: &Value, name: &str) -> f64 {
             return *model.values(&ended).values[0].as_ref().unwrap();
         }
     }
-}
-
-/// A number of the standard normal distribution.
-fn normal(stream: Stream, index: u64) -> f64 {
-    Distribution::normal(0.0, 1.0)
-        .unwrap()
-        .quantile((stream.at(index) >> 11) as f64 / (1_u64 << 53) as f64 + 1e-17)
 }
 
 /// Tests at these amplitudes with measured volumes, whose noise is 5 %.
@@ -760,7 +751,7 @@ fn of_seeds<T: Send>(most: u64, few: u64, of: impl Fn(u64) -> T + Sync) -> (u64,
 /// Checks in tests/long that VERIFICATION.md has this line, and prints it.
 fn is_in_the_table(count: u64, most: u64, line: &str) {
     println!("{line}");
-    let table = include_str!("../../verify/src/fits.md");
+    let table = include_str!("../../../verify/src/fits.md");
     assert!(count < most || table.contains(line), "crates/verify/src/fits.md lacks {line}");
 }
 

@@ -2,8 +2,6 @@
 //!
 //! With `FRETWORK_TEST_LONG`, 1 000 traces are made, otherwise 100.
 
-#![expect(clippy::disallowed_methods, clippy::unwrap_used, reason = "a failed test may panic")]
-
 use std::f64::consts::PI;
 use std::fmt::Write as _;
 

@@ -1,25 +1,15 @@
 //! Friction loops with known energies: steps and ramps of the amplitude, drift, offsets, noise, few and many points, and parts
 //! of cycles.
 
-#![expect(clippy::disallowed_methods, clippy::unwrap_used, reason = "a failed test may panic")]
-
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write as _;
 
 use fretwork_measured::{Measured, Prepare, Wanted, read};
 use fretwork_random::Stream;
 
+use crate::{normal, uniform};
+
 const LOOP: Wanted<'_> = Wanted::of(Prepare::Loop);
-
-/// A uniform number from 0 to 1.
-fn uniform(stream: Stream, place: u64) -> f64 {
-    stream.at(place) as f64 / 2f64.powi(64)
-}
-
-/// A standard normal number, from twelve uniform ones.
-fn normal(stream: Stream, place: u64) -> f64 {
-    (0..12).map(|at| uniform(stream, 12 * place + at)).sum::<f64>() - 6.0
-}
 
 fn list(measured: &Measured, name: &str) -> Vec<f64> {
     let all = measured.prepared["loops"][name].as_array().unwrap();
