@@ -131,6 +131,12 @@ impl Statement {
         self
     }
 
+    /// Limits the statement to `rows` rows. The number is part of the text: SQLite compiles a statement again for each new
+    /// value of a parameter in `LIMIT`.
+    pub(crate) fn push_limit(&mut self, rows: u32) -> &mut Self {
+        self.push(&format!(" LIMIT {rows}"))
+    }
+
     /// The statement that returns the query plan of SQLite for this statement.
     #[cfg(test)]
     pub(crate) fn explained(mut self) -> Self {

@@ -154,8 +154,7 @@ pub(crate) async fn jobs(
     if let Some(cursor) = cursor {
         query.push(" AND job.id ").push(beyond).push(" ").push_bind(cursor);
     }
-    query.push(" ORDER BY job.id ").push(direction).push(" LIMIT ");
-    query.push_bind(i64::from(limit) + 1);
+    query.push(" ORDER BY job.id ").push(direction).push_limit(limit + 1);
     let rows = db.rows(query).await?;
     let (rows, last) = page_of(&rows, limit);
     let next = last.map(|row| row.get("id")).transpose()?;
@@ -175,8 +174,8 @@ pub(crate) async fn unfinished(
     query
         .push(" AND job.state IN ('queued', 'running') AND job.state <> 'succeeded' AND job.id < ")
         .push_bind(before)
-        .push(" ORDER BY job.id DESC LIMIT ")
-        .push_bind(at_most);
+        .push(" ORDER BY job.id DESC")
+        .push_limit(at_most);
     let rows = db.rows(query).await?;
     Ok(rows.iter().map(|row| row.get("id")).collect::<Result<_, _>>()?)
 }

@@ -168,7 +168,7 @@ pub(crate) fn page(search: &Search, cursor: Option<Cursor>, limit: u32) -> State
     search.conditions(&mut query);
     after(&mut query, search, cursor);
     order(&mut query, search);
-    query.push(" LIMIT ").push_bind(i64::from(limit) + 1);
+    query.push_limit(limit + 1);
     // The other tables are read only for the rows of the page.
     query.push(
         ") AS outline JOIN result_task ON result_task.id = outline.id
