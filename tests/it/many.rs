@@ -65,11 +65,11 @@ async fn a_job_can_be_read_beside_many_slow_lists() {
     for amplitude in [1.0, 1.5] {
         jobs.push(server.compute(&ball(amplitude)).await.json());
     }
-    // Of 100 000 jobs, half have the key and the other half have the label, so no job matches both.
+    // Of 50 000 jobs, half have the key and the other half have the label, so no job matches both.
     let mut db = raw(server.dir.path()).await;
     for statement in [
         "CREATE TEMP TABLE copy AS
-         WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 50000)
+         WITH RECURSIVE n (i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 25000)
          SELECT job.* FROM job, n",
         "UPDATE copy SET id = randomblob(16), label = CASE key WHEN (SELECT key FROM job LIMIT 1) THEN 'x' ELSE 'y' END",
         "INSERT INTO job SELECT * FROM copy",
