@@ -1,9 +1,9 @@
 """Checks reports in a browser: those of all examples, of five runs and of a sample, opened from disk and from the server. They draw
 their figures, can be read and zoomed, ask no server, and have the numbers as HTML without scripts. A label of markup injects nothing,
-and a served report cannot use the session. In Chromium, each is printed on one or two pages of A4 and of Letter, and axe-core finds
+and a served report cannot use the session. Firefox opens five of them, with --long all. In Chromium, each is printed on one or two pages of A4 and of Letter, and axe-core finds
 no violation in light and dark.
 
-    python reports.py target/debug/fretwork http://127.0.0.1:8080
+    python reports.py target/debug/fretwork http://127.0.0.1:8080 [--long]
 
 Writes the pages to target/screens.
 """
@@ -19,7 +19,10 @@ from playwright.sync_api import expect
 
 from browser import FIREFOX, LOOKS, ROOT, SCREENS, ask, downloaded, opened, readout
 
-PROGRAM, BASE = sys.argv[1:]
+PROGRAM, BASE, *options = sys.argv[1:]
+IS_LONG = "--long" in options
+# Reports that are also opened from the server.
+SERVED = ("steel-ball", "five", "sample", "map", "fit")
 SHEETS = ["A4", "Letter"]
 RUNS = sorted((ROOT / "examples").glob("*.json"))
 STUDIES = sorted((ROOT / "examples/studies").glob("*.json"))
@@ -160,8 +163,9 @@ def check_measured(browser, key):
 def main():
     SCREENS.mkdir(parents=True, exist_ok=True)
     reports = made()
+    chosen = {name: reports[name] for name in SERVED} if FIREFOX and not IS_LONG else reports
     with opened() as browser:
-        for name, (kind, path) in reports.items():
+        for name, (kind, path) in chosen.items():
             file, content = saved(name, path)
             # A page may request nothing but this address.
             page = browser.page(file.as_uri())
@@ -178,7 +182,7 @@ def main():
                 check_plain(browser, file, content)
         check_measured(browser, reports["steel-ball"][1].split("/")[3])
         page = browser.page(BASE)
-        for name in ("steel-ball", "five", "sample", "map", "fit"):
+        for name in SERVED:
             kind, path = reports[name]
             page.goto(BASE + path)
             drawn(page, kind)
@@ -195,7 +199,7 @@ def main():
                 drawn(view, reports[name][0])
                 browser.check_looks(view, f"report-{name}", looks)
                 view.context.close()
-    print(f"{len(reports)} reports, opened from disk{'' if FIREFOX else ' and printed on at most two pages'}")
+    print(f"{len(chosen)} reports, opened from disk{'' if FIREFOX else ' and printed on at most two pages'}")
 
 
 main()
