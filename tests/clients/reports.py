@@ -1,7 +1,7 @@
 """Checks reports in a browser: those of all examples, of five runs and of a sample, opened from disk and from the server. They draw
 their figures, can be read and zoomed, ask no server, and have the numbers as HTML without scripts. A label of markup injects nothing,
-and a served report cannot use the session. Firefox opens five of them, with --long all. In Chromium, each is printed on one or two pages of A4 and of Letter, and axe-core finds
-no violation in light and dark.
+and a served report cannot use the session. In Chromium, each is printed on one or two pages of A4 and of Letter, and axe-core finds
+no violation in light and dark. Firefox opens five from disk, with --long all.
 
     python reports.py target/debug/fretwork http://127.0.0.1:8080 [--long]
 
@@ -21,7 +21,7 @@ from browser import FIREFOX, LOOKS, ROOT, SCREENS, ask, downloaded, opened, read
 
 PROGRAM, BASE, *options = sys.argv[1:]
 IS_LONG = "--long" in options
-# Reports that are also opened from the server.
+# Reports that are also opened from the server, and the only ones that Firefox opens from disk without --long.
 SERVED = ("steel-ball", "five", "sample", "map", "fit")
 SHEETS = ["A4", "Letter"]
 RUNS = sorted((ROOT / "examples").glob("*.json"))
