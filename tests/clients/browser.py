@@ -28,13 +28,16 @@ SIZES = {1440: 900, 1280: 720, 720: 450, 390: 844}
 # The tests run in Firefox if its path is given, else in Chromium. This one has no windows, and takes less processor time.
 FIREFOX, CHROMIUM = os.environ.get("FIREFOX"), "chromium-headless-shell"
 DOWNLOADS = ROOT / "target/screens/downloads"
+# `tests/run` and `tests/all` take no screenshots, and look at each page three times instead of six.
+IS_SHORT = "NO_SCREENSHOTS" in os.environ
+TAKES_SCREENSHOTS = not FIREFOX and not IS_SHORT
 # The screens and colour schemes of one page. It is loaded on the first one.
 LOOKS = [[(1440, "light"), (1440, "dark"), (1280, "light")], [(720, "dark")], [(390, "light"), (390, "dark")]]
+if IS_SHORT:
+    LOOKS = [[(1440, "light"), (1440, "dark")], [(390, "light")]]
 if FIREFOX:
     # A page of Firefox has one scheme.
     LOOKS = [[look for look in looks if look[1] == scheme] for looks in LOOKS for scheme in dict(reversed(look) for look in looks)]
-# Without screenshots, `tests/run` takes less time.
-TAKES_SCREENSHOTS = not FIREFOX and "NO_SCREENSHOTS" not in os.environ
 # The rules of axe-core that look at colours. A scheme changes nothing else.
 COLOURS = ["color-contrast", "link-in-text-block"]
 # In milliseconds.

@@ -97,7 +97,7 @@ async def program():
     paths = [large, first]
     reading = [read(place, paths, end, got) for place in range(READERS)]
     writing = [write(place, body, end, got) for place, body in enumerate(scenarios)]
-    bodies = [study(1), run(1), study(2), run(2)]
+    bodies = [study(1), run(1), study(2), run(2)][: 4 if target.has_limits else 2]
     computing = [result(body, key) for body in bodies for key in target.keys[:2]]
     await asyncio.gather(*reading, *writing, *computing)
     for key in (target.readers[0], target.keys[0]):

@@ -14,7 +14,7 @@ use sqlx::{Connection as _, SqlSafeStr as _, SqliteConnection};
 use crate::database::{Error, Result};
 
 /// The migrations of the schema: version, name and SQL.
-const CHANGES: [(i64, &str, &str); 20] = [
+const CHANGES: [(i64, &str, &str); 21] = [
     (1, "jobs", include_str!("../../../../migrations/sqlite/0001_jobs.sql")),
     (
         2,
@@ -39,6 +39,7 @@ const CHANGES: [(i64, &str, &str); 20] = [
     (18, "sessions", include_str!("../../../../migrations/sqlite/0018_sessions.sql")),
     (19, "named", include_str!("../../../../migrations/sqlite/0019_named.sql")),
     (20, "shared names", include_str!("../../../../migrations/sqlite/0020_shared_names.sql")),
+    (21, "quick checks", include_str!("../../../../migrations/sqlite/0021_quick_checks.sql")),
 ];
 
 /// All migrations. The macros of sqlx would embed the directory, but they compile SQLite a second time.
