@@ -64,6 +64,11 @@ def limit(seconds):
     return seconds if target.has_limits else PATIENCE
 
 
+def lasting(seconds):
+    """How long an attack lasts: only half as long where no limits hold."""
+    return seconds if target.has_limits else seconds / 2
+
+
 def argument(place):
     """A number on the command line, after the description of the server."""
     return int(sys.argv[1 + place])

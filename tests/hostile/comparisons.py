@@ -11,7 +11,7 @@ import itertools
 import statistics
 import time
 
-from client import addresses, answer, attack, connect, head, outcome, post, send, target, told
+from client import addresses, answer, attack, connect, head, lasting, outcome, post, send, target, told
 
 AT_ONCE, SECONDS, RESULTS, DELAY = 64, 5, 2000, 0.5
 # Most comparisons that the server may answer while a list waits.
@@ -80,7 +80,7 @@ async def program():
     await asyncio.gather(*(fill(source, frictions) for source in SOURCES[:16]))
     got = []
     alone = statistics.median((await lists(time.monotonic() + 1, got))[0])
-    end = time.monotonic() + SECONDS
+    end = time.monotonic() + lasting(SECONDS)
     (times, overtaking), *_ = await asyncio.gather(lists(end, got), *(compare(source, end, got) for source in SOURCES))
     report = (f"{told(got)}; {len(times)} lists of another caller: {alone:.3f} s alone, slowest {max(times):.3f} s, "
               f"behind at most {max(overtaking)} comparisons")

@@ -12,7 +12,7 @@ import itertools
 import json
 import time
 
-from client import addresses, ask, attack, head, outcome, post, target, told
+from client import addresses, ask, attack, head, lasting, outcome, post, target, told
 from server import LARGE, SMALL
 
 READERS, WRITERS, SECONDS, POINTS = 24, 8, 10, 4000
@@ -93,7 +93,7 @@ async def program():
     # To make them takes longer than the server waits for a request.
     scenarios = [scenario(place) for place in range(WRITERS)]
     first = await result(study(0), target.keys[0])
-    end, got = time.monotonic() + SECONDS, collections.defaultdict(list)
+    end, got = time.monotonic() + lasting(SECONDS), collections.defaultdict(list)
     paths = [large, first]
     reading = [read(place, paths, end, got) for place in range(READERS)]
     writing = [write(place, body, end, got) for place, body in enumerate(scenarios)]
