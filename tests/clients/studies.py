@@ -349,7 +349,7 @@ def canceled(page, base):
     page.goto(f"{base}/#/run/{job['id']}")
     page.wait_for_selector("#study tbody tr")
     progress = page.locator("section[aria-label=Progress]")
-    share = r"[1-9]\d?\u00a0%"
+    share = r"([2-9]|[1-9]\d)\u00a0%"
     expect(progress).to_contain_text(re.compile(share))
     page.click("#cancel")
     expect(page.locator("#state")).to_have_text("canceled")
