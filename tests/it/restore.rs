@@ -131,7 +131,7 @@ async fn a_directory_keeps_the_newest_backups_and_what_is_none() {
         assert_eq!(restore(&to, &dir.join(name), false).await.unwrap().0.results, 1);
     }
     // A database with damage replaces no sound backup.
-    damage(data.path(), false).await;
+    damage(data.path(), None).await;
     let output = run(&["backup", text(&dir), "--keep", "1", "--data-dir", text(data.path())], "");
     assert_eq!(output.status.code(), Some(2), "{}", said(&output));
     assert_eq!(names(&dir).len(), kept.len() + 1);
@@ -218,12 +218,12 @@ async fn a_backup_on_a_full_disk_leaves_the_old_ones() {
 }
 
 /// Damages the result 1 of a closed database: a byte of its body, or the link from one page of its body to the next.
-async fn damage(dir: &Path, a_link: bool) {
+async fn damage(dir: &Path, link: Option<u32>) {
     let mut db = raw(dir).await;
-    if a_link {
+    if let Some(link) = link {
         let place: i64 = sqlx::query_scalar(
             "SELECT pgoffset FROM dbstat WHERE name = 'result_blob' AND pagetype = 'overflow'
-             AND path LIKE '%+000000' ORDER BY path LIMIT 1",
+             AND path LIKE '%+000001' ORDER BY path LIMIT 1",
         )
         .fetch_one(&mut db)
         .await
@@ -231,7 +231,7 @@ async fn damage(dir: &Path, a_link: bool) {
         db.execute("PRAGMA wal_checkpoint(TRUNCATE)").await.unwrap();
         db.close().await.unwrap();
         let file = fs::File::options().write(true).open(dir.join("fretwork.db")).unwrap();
-        file.write_all_at(&[0; 4], place.unsigned_abs()).unwrap();
+        file.write_all_at(&link.to_be_bytes(), place.unsigned_abs()).unwrap();
     } else {
         db.execute(
             "UPDATE result_blob SET body = CAST(substr(body, 1, 20) || x'07' || substr(body, 22) AS BLOB)
@@ -245,7 +245,7 @@ async fn damage(dir: &Path, a_link: bool) {
 
 #[tokio::test]
 async fn a_damaged_result_is_left_out_and_named_and_the_rest_is_restored() {
-    for a_link in [false, true] {
+    for link in [None, Some(0), Some(u32::MAX)] {
         let (dir, store) = fresh().await;
         for number in 1..=5 {
             compute(&store, number, 20_000).await;
@@ -256,7 +256,7 @@ async fn a_damaged_result_is_left_out_and_named_and_the_rest_is_restored() {
         let first = claim(&store).await;
         assert!(store.finish_chunk(&first, b"1,2", Cost::ZERO).await.unwrap());
         store.close().await;
-        damage(dir.path(), a_link).await;
+        damage(dir.path(), link).await;
         let target = TempDir::new().unwrap();
         let (file, data) = (target.path().join("backup.db"), target.path().join("data"));
         // The copy of the files stands for a backup that was damaged later.
@@ -277,7 +277,7 @@ async fn a_damaged_result_is_left_out_and_named_and_the_rest_is_restored() {
         compute(&store, 1, 20_000).await;
         assert!(!body(&store, 1).await.is_empty());
         // If a link is damaged, the database is copied row by row, without the chunks of unfinished studies.
-        let next = Piece::Chunk { number: u32::from(!a_link), of: 2 };
+        let next = Piece::Chunk { number: u32::from(link.is_none()), of: 2 };
         assert_eq!(claim(&store).await.piece, next);
         store.close().await;
         // The backup does not contain the damage.

@@ -227,12 +227,16 @@ async fn copy(from: &Path, to: &Path) -> Result<(), Moving> {
     let target = to.to_string_lossy().into_owned();
     let copied = sqlx::query("VACUUM INTO ?1").bind(target).execute(&mut db).await;
     db.close().await?;
-    if unless_damaged(copied)?.is_err() {
-        // If only bodies of results are damaged, all other rows can still be read.
-        fs::remove_file(to).map_err(refused(to))?;
-        copy_readable(from, to).await?;
+    match copied.map_err(Error::from) {
+        Ok(_) => Ok(()),
+        // If only bodies of results are damaged, all other rows can still be read. SQLite calls the disk full if a link has
+        // the largest page number, as after the erasure of a page. If the disk is full, the second copy fails, too.
+        Err(Error::Damaged(_) | Error::Full(_)) => {
+            fs::remove_file(to).map_err(refused(to))?;
+            copy_readable(from, to).await
+        }
+        Err(error) => Err(error.into()),
     }
-    Ok(())
 }
 
 /// Copies a snapshot of a database row by row. Leaves out the bodies that cannot be read, and all chunks, which a
