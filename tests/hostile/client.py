@@ -163,8 +163,10 @@ async def answer(connection):
 
 async def ask(source, request):
     """Sends a request on its own connection and reads the answer."""
-    connection = await connect(source)
-    with connection:
+    # The program waits for the connection and sends at once. If it opened many connections first and had little processor time,
+    # the server would close those whose request is late.
+    with socket.create_connection(("127.0.0.1", target.port), source_address=(source, 0)) as connection:
+        connection.setblocking(False)
         # The server may answer and close before it has the whole request.
         await send(connection, request)
         return await answer(connection)
