@@ -77,12 +77,7 @@ fn main() {
     let wanted: Vec<(Decay, bool)> = SNAPSHOTS.map(|n| (solver.decay(0.8, n), true)).to_vec();
 
     // The matrix products of this run: five inverse transforms, and five pressures inside a₀.
-    let mesh: Vec<f64> = solver
-        .radii()
-        .iter()
-        .copied()
-        .filter(|r| (0.5..=contact.limit.radius).contains(r))
-        .collect();
+    let mesh = solver.mesh();
     let kernels = Kernels::with_cells(mesh.len() - 1);
     let inside = mesh.iter().filter(|r| **r < 1.0).count();
     let shorten = |vectors: &[Vec<f64>]| -> Vec<Vec<f64>> {

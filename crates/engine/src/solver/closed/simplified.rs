@@ -269,6 +269,11 @@ impl Simplified {
         &self.grid.radii
     }
 
+    /// The mesh nodes from c to ã.
+    pub fn mesh(&self) -> &[f64] {
+        &self.mesh.radii
+    }
+
     /// The curves of the unworn contact. They are computed when they are first needed.
     pub(crate) fn unworn(&self) -> &UnwornCurves {
         let Self { contact, row, grid, mesh, .. } = self;
